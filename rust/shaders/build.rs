@@ -69,13 +69,13 @@ fn build() -> Result<(), String> {
         let path = include.join("generated").join(name);
         fs::write(&path, text).map_err(|error| format!("{}: {error}", path.display()))?;
     }
-    let tools = Tools::from_env();
+    let tools = ShaderTools::from_env();
     let layouts = layouts();
     sources.retain(|path| path.extension().is_some_and(|extension| extension == "comp"));
     let mut seen = BTreeSet::new();
     let mut passes = Vec::new();
     for compiled in in_parallel(&sources, |source| compile(&tools, source, [&shaders, &include], &out, &layouts)) {
-        let Compiled { name, uses, structs } = compiled?;
+        let CompiledPass { name, uses, structs } = compiled?;
         seen.extend(structs);
         passes.push((name, uses));
     }
@@ -88,26 +88,26 @@ fn build() -> Result<(), String> {
 }
 
 /// A pass, what it reads, and the names of the structs that it has in memory.
-struct Compiled {
+struct CompiledPass {
     name: String,
-    uses: uses::Uses,
+    uses: uses::ModuleUses,
     structs: BTreeSet<String>,
 }
 
 /// Compiles a pass into `out` and checks it.
 fn compile(
-    tools: &Tools,
+    tools: &ShaderTools,
     source: &Path,
     include: [&Path; 2],
     out: &Path,
-    layouts: &[check::Layout],
-) -> Result<Compiled, String> {
+    layouts: &[check::HostLayout],
+) -> Result<CompiledPass, String> {
     let name = pass_name(source)?;
     let words = tools.compile(source, include, &out.join(format!("{name}.spv")))?;
     let structs = check::check(&words, layouts).map_err(|error| format!("{}:\n{error}", source.display()))?;
     let flags = [abi::SPEC_FEATURES, abi::SPEC_FEATURES_HIGH];
     let uses = uses::uses(&words, &flags).map_err(|error| format!("{}: {error}", source.display()))?;
-    Ok(Compiled { name, uses, structs })
+    Ok(CompiledPass { name, uses, structs })
 }
 
 /// What `work` makes of each of `sources`, in their order, as many at a time as there are processors.
@@ -159,12 +159,12 @@ fn pass_name(source: &Path) -> Result<String, String> {
     Ok(if folder == "wavefront" { stem } else { format!("{folder}_{stem}") })
 }
 
-struct Tools {
+struct ShaderTools {
     compiler: String,
     validator: String,
 }
 
-impl Tools {
+impl ShaderTools {
     fn from_env() -> Self {
         for name in ["GLSLANG_VALIDATOR", "SPIRV_VAL"] {
             println!("cargo::rerun-if-env-changed={name}");
@@ -201,7 +201,7 @@ fn constants() -> Result<String, String> {
         "// Written by rust/shaders/build.rs, from rust/abi/src: features, flags, constants, numbers and patterns.\n\n",
     );
     let mut above = abi::Features::empty();
-    for abi::Feature { name, bit, needs, .. } in abi::FEATURES {
+    for abi::FeatureRow { name, bit, needs, .. } in abi::FEATURES {
         if !above.contains(*needs) {
             return Err(format!("feature {name} needs one that is not above it in the table"));
         }
@@ -248,13 +248,13 @@ fn run(mut command: Command, debian_package: &str) -> Result<(), String> {
     Err(format!("{program} failed:\n{}\n{}", text(&output.stdout), text(&output.stderr)))
 }
 
-fn layouts() -> Vec<check::Layout> {
-    let member = |member: &abi::MemberLayout| check::Member {
+fn layouts() -> Vec<check::HostLayout> {
+    let member = |member: &abi::MemberLayout| check::HostMember {
         name: member.name.to_owned(),
         offset: member.offset as u64,
         size: member.size as u64,
     };
-    let layout = |layout: &abi::StructLayout| check::Layout {
+    let layout = |layout: &abi::StructLayout| check::HostLayout {
         name: layout.name.to_owned(),
         size: layout.size as u64,
         members: layout.members.iter().map(member).collect(),
@@ -263,20 +263,20 @@ fn layouts() -> Vec<check::Layout> {
 }
 
 /// Rust source with the words of every pass; those of `shaders/check` apart, for tests.
-fn modules(modules: &[(String, uses::Uses)]) -> String {
+fn modules(modules: &[(String, uses::ModuleUses)]) -> String {
     let (checks, passes): (Vec<_>, Vec<_>) = modules.iter().partition(|(name, _)| name.starts_with("check_"));
     let mut text = String::new();
     let parts =
         [("passes", "Every compiled pass, under its own name", &passes), ("checks", "No passes: for tests", &checks)];
     for (module, what, names) in parts {
-        let _infallible = write!(text, "/// {what}.\npub mod {module} {{\n    use super::Module;\n");
+        let _infallible = write!(text, "/// {what}.\npub mod {module} {{\n    use super::ShaderModule;\n");
         for (name, uses) in names {
             let bits = |spec| u64::from(uses.bits.get(&spec).copied().unwrap_or(0));
             let features = bits(abi::SPEC_FEATURES) | bits(abi::SPEC_FEATURES_HIGH) << 32;
             let reads = |spec| uses.constants.contains(&spec);
             let _infallible = writeln!(
                 text,
-                "    /// `{name}`.\n    pub static {}: Module = Module {{\n        name: \"{name}\",\n        \
+                "    /// `{name}`.\n    pub static {}: ShaderModule = ShaderModule {{\n        name: \"{name}\",\n        \
                  words: words!(\"{name}\"),\n        \
                  features: oocpt_abi::Features::from_bits_retain({features:#x}),\n        \
                  reads_levels: {},\n        reads_stack: {},\n    }};",
@@ -287,7 +287,7 @@ fn modules(modules: &[(String, uses::Uses)]) -> String {
         }
         text.push_str("}\n\n");
     }
-    text.push_str("/// Every compiled pass.\npub static ALL: &[&Module] = &[\n");
+    text.push_str("/// Every compiled pass.\npub static ALL: &[&ShaderModule] = &[\n");
     for (name, _) in passes {
         let _infallible = writeln!(text, "    &passes::{},", name.to_uppercase());
     }

@@ -5,17 +5,17 @@
 
 #include "abi/abi.glsl"
 
-layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer FrameBlock { Frame f; };
-layout(buffer_reference, scalar, buffer_reference_align = 8) buffer CountersBlock { Counters c; };
+layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer FrameBlock { FrameConstants f; };
+layout(buffer_reference, scalar, buffer_reference_align = 8) buffer CountersBlock { WavefrontCounters c; };
 
-layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer StreamingBlock { Streaming s; };
-layout(buffer_reference, scalar, buffer_reference_align = 4) buffer RouletteBlock { Roulette r; };
-layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer AdaptiveBlock { Adaptive a; };
+layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer StreamingBlock { StreamingPointers s; };
+layout(buffer_reference, scalar, buffer_reference_align = 4) buffer RouletteBlock { RouletteStats r; };
+layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer AdaptiveBlock { AdaptiveSampling a; };
 layout(buffer_reference, scalar, buffer_reference_align = 8) buffer TextureFeedbackBlock { TextureFeedback t; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer DemandList { UnitDemand v[]; };
-layout(buffer_reference, scalar, buffer_reference_align = 16) buffer Segments { Segment v[]; };
-layout(buffer_reference, scalar, buffer_reference_align = 16) buffer PendingLists { Pending v[]; };
-layout(buffer_reference, scalar, buffer_reference_align = 16) buffer Questions { Question v[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 16) buffer Segments { PathSegment v[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 16) buffer PendingLists { PendingItems v[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 16) buffer Questions { DeferredAlphaTest v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) buffer Surfaces { GpuSurface v[]; };
 
 layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer ConstVec4s { vec4 v[]; };
@@ -36,7 +36,7 @@ layout(buffer_reference, scalar, buffer_reference_align = 8) buffer SurfaceMater
 layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer Textures { GpuTexture v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer TexturePages { uint64_t v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer ConstUVec2s { uvec2 v[]; };
-layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer LightingBlock { Lighting l; };
+layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer LightingBlock { LightTablePointers l; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer LocalLights { GpuLocalLight v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer InfiniteLights { GpuInfiniteLight v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer LightNodes { GpuLightNode v[]; };

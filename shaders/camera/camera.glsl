@@ -123,7 +123,7 @@ void queue_paths(uint thread, uint path) {
     }
     if (thread == 0u) {
         Segments(STREAMING.segments).v[push_segment()] =
-            Segment(push.first_pixel, push.first_sample, push.path_count, push.path_count);
+            PathSegment(push.first_pixel, push.first_sample, push.path_count, push.path_count);
     }
     if (in_range) {
         set_progress(path, SHADOW_DONE);

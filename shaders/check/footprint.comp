@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // No pass of a render: footprints of cones and the widths of filters, for tests. One thread per query.
-// Reads: at Frame::rays five vec4 a query: u and the cone's width, v and the image's width, n and the image's height,
-// d, the map's rows.
-// Writes: at Frame::radiance uvec4 (the footprint, as bits the filter's width, and what near_lookup_width says of it
-// for a triangle in the plane).
+// Reads: at FrameConstants::rays five vec4 a query: u and the cone's width, v and the image's width, n and the image's
+// height, d, the map's rows.
+// Writes: at FrameConstants::radiance uvec4 (the footprint, as bits the filter's width, and what near_lookup_width says
+// of it for a triangle in the plane).
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "wavefront/wavefront.glsl"

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // No pass of a render: looks textures up, for tests. One thread per query.
-// Reads: queries at Frame::rays, uvec4 (texture, taps, s, t), then vec4 (width, 0, 0, 0); textures and their tiles.
-// Writes: at Frame::radiance, vec4 value, uvec4 (what the lookup said, taps, 0, 0). A query with taps goes on from the
-// value there.
+// Reads: queries at FrameConstants::rays, uvec4 (texture, taps, s, t), then vec4 (width, 0, 0, 0); textures and their
+// tiles. Writes: at FrameConstants::radiance, vec4 value, uvec4 (what the lookup said, taps, 0, 0). A query with taps
+// goes on from the value there.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "texture/texture.glsl"

@@ -22,7 +22,7 @@ float shutter_time(uint index, uint seed) {
     return float(owen_scramble(x, hash_u32(hash_combine(set_seed, 0u))) >> 8) * 5.9604644775390625e-8;
 }
 
-// Images through pixel centres are those of the middle of the shutter, as is the camera of Frame.
+// Images through pixel centres are those of the middle of the shutter, as is the camera of FrameConstants.
 float path_time(uint path) {
     if ((push.flags & PUSH_AOVS) != 0u) return 0.5;
     const uvec2 pixel = pixel_position(path_pixel(path));

@@ -2,11 +2,11 @@
 // Programs of materials (rust/materialx/src/program.rs): run at a hit, they leave the inputs that are registers in
 // pattern_registers. Only with HAS_PATTERNS.
 //
-// Memory of a program, from 16 * GpuMaterial::program bytes of Frame::programs on: constants, f32x4 each; lookups, a
-// GpuInput each; instructions, two in 16 bytes: op | to << 8 | a << 16 | b << 24, c | immediate << 8. Behind it, of a
-// material whose opacity or, if not, whose emission is a register: 16 bytes, the sizes of a program for that alone and
-// the register of the emission; and this program (traversal/cutout_program.glsl, light/program.glsl). The host has
-// checked all numbers.
+// Memory of a program, from 16 * GpuMaterial::program bytes of FrameConstants::programs on: constants, f32x4 each;
+// lookups, a GpuInput each; instructions, two in 16 bytes: op | to << 8 | a << 16 | b << 24, c | immediate << 8. Behind
+// it, of a material whose opacity or, if not, whose emission is a register: 16 bytes, the sizes of a program for that
+// alone and the register of the emission; and this program (traversal/cutout_program.glsl, light/program.glsl). The
+// host has checked all numbers.
 //
 // Before including, PATTERN_LOOKUP may be defined as a function in place of texture_lookup, and PATTERN_RANDOM where
 // programs may read random numbers of the hit.

@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tiles of textures that lookups did not find, in core. A path that lacks one is traced again when the host has
-// brought it: a path is
-// a function of its number, so it then is what it would have been. As long as a path of a wave is incomplete, the film
-// does not take
-// the wave, and the waves that are recorded behind it do nothing. Includes wavefront before.
+// brought it: a path is a function of its number, so it then is what it would have been. As long as a path of a wave is
+// incomplete, the film does not take the wave, and the waves that are recorded behind it do nothing. Includes wavefront
+// before.
 #ifndef OOCPT_TEXTURE_FEEDBACK_GLSL
 #define OOCPT_TEXTURE_FEEDBACK_GLSL
 

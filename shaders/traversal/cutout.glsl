@@ -5,7 +5,7 @@
 
 #include "texture/texture.glsl"
 
-// Bits of Question::flags.
+// Bits of DeferredAlphaTest::flags.
 const uint QUESTION_TAPS = 15u; // how far the lookup is
 const uint QUESTION_CHANNEL_SHIFT = 4u;
 const uint QUESTION_INCLUSIVE = 64u; // there at the limit too

@@ -16,7 +16,7 @@ uint cutout_made;
 uint cutout_known;
 vec4 cutout_values[CUTOUT_LOOKUPS];
 // The one that waits: as in a question.
-Question cutout_wait;
+DeferredAlphaTest cutout_wait;
 
 vec4 cutout_lookup(uint texture, vec2 st, float, out uint unit) {
     const float width = 0.0;
@@ -35,8 +35,8 @@ vec4 cutout_lookup(uint texture, vec2 st, float, out uint unit) {
     cutout_values[k] = progress.mean;
     if (said < TEXTURE_FALLBACK) {
         const uint flags = QUESTION_OF_PROGRAM | k << QUESTION_LOOKUP_SHIFT | progress.taps;
-        cutout_wait = Question(0.0, 0u, walk.chunk_instance, flags, progress.mean, texture, st, width, 1.0, 0.0, 0.0,
-                               STREAMING.first_tile + said);
+        cutout_wait = DeferredAlphaTest(0.0, 0u, walk.chunk_instance, flags, progress.mean, texture, st, width, 1.0,
+                                        0.0, 0.0, STREAMING.first_tile + said);
     }
     return progress.mean;
 }

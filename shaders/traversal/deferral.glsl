@@ -7,8 +7,8 @@
 
 #include "traversal/hit.glsl"
 
-// In Frame::settle_queue above the number of a path: that its candidate is in Frame::settle_hits, and that the closest
-// hit that is sure is in Frame::hits.
+// In FrameConstants::settle_queue above the number of a path: that its candidate is in FrameConstants::settle_hits, and
+// that the closest hit that is sure is in FrameConstants::hits.
 const uint SETTLE_KEPT = 1u << 31;
 const uint SETTLE_HIT = 1u << 30;
 const uint SETTLE_PATH = SETTLE_HIT - 1u;

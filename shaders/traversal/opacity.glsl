@@ -123,9 +123,9 @@ bool is_cut_in(uint triangle, vec2 uv, float t, bool is_second) {
     }
     const uint flags = presence.channel << QUESTION_CHANNEL_SHIFT | (chance ? 0u : QUESTION_INCLUSIVE);
     if (HAS_STREAMING && said < TEXTURE_FALLBACK) {
-        ask(visited_item(), Question(t, id, walk.chunk_instance, flags | progress.taps, progress.mean,
-                                       presence.texture, presence.st, presence.width, presence.scale, presence.bias,
-                                       limit, STREAMING.first_tile + said));
+        ask(visited_item(), DeferredAlphaTest(t, id, walk.chunk_instance, flags | progress.taps, progress.mean,
+                                                presence.texture, presence.st, presence.width, presence.scale,
+                                                presence.bias, limit, STREAMING.first_tile + said));
         remember(visited_item());
         return false;
     }

@@ -46,16 +46,16 @@ Item chunk_item(float entry, uint chunk_instance) {
 
 // Cutouts: the nearest one, in the item with the smallest key, that cannot be answered because a tile is absent (unit =
 // OWN_UNIT: there is none), and the answer that the ray came back with.
-Question question;
+DeferredAlphaTest question;
 Item question_item;
-Question answer;
+DeferredAlphaTest answer;
 Item answer_item;
 
 // With CUTOUT_PROGRAMS: what the finished lookups of the question's program gave.
 vec4 question_values[CUTOUT_LOOKUPS - 1u];
 
 // Asks about something in an item, unless something before it was asked already: then false.
-bool ask(Item item, Question q) {
+bool ask(Item item, DeferredAlphaTest q) {
     if (question.unit != OWN_UNIT) {
         if (is_same(item, question_item)) {
             if (!key_before(q.t, q.id, question.t, question.id)) return false;

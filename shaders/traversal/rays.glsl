@@ -5,8 +5,8 @@
 // "Understanding the Efficiency of Ray Traversal on GPUs"). Cutouts are looked up when many threads stand at one
 // (decisions/0058). Which thread walks a ray, and when, changes nothing of it.
 //
-// Before including, define NEXT as the member of Counters that says which ray of the queue is the first that nobody has
-// begun, and after it
+// Before including, define NEXT as the member of WavefrontCounters that says which ray of the queue is the first that
+// nobody has begun, and after it
 //   begin_ray(at): begin_walk() or no_walk() for entry `at` of the queue;
 //   end_ray(ended): stores what became of the ray if `ended`; called by all threads of a subgroup.
 #ifndef OOCPT_RAYS_GLSL

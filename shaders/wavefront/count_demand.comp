@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Streaming only. Counts, unit by unit, the rays that wait for it first and those that have it further down their list:
-// one thread per deferred ray, Counters::deferred_args. A ray whose first item is a mesh needs its chunk at the same
-// time: it counts for both, whether one of them is there or not, and each is noted as a partner of the other. A
-// material will need all of its list, whatever comes: each counts as waited for.
+// one thread per deferred ray, WavefrontCounters::deferred_args. A ray whose first item is a mesh needs its chunk at
+// the same time: it counts for both, whether one of them is there or not, and each is noted as a partner of the other.
+// A material will need all of its list, whatever comes: each counts as waited for.
 // Reads: deferred, rays and shadow_rays (flags), pending lists, chunks. Adds to: demand. Pushes to: demanded, each unit
 // once.
 #version 460

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // How many samples each pixel has so far, of both streams where there are two: one thread per pixel. Only where the
 // image is wanted.
-// Reads: film. Writes: the plane Frame::aov.sample_count.
+// Reads: film. Writes: the plane FrameConstants::aov.sample_count.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "wavefront/wavefront.glsl"

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Rays through the pixel centres, pinhole, unaffected by sampling: one thread per pixel of the slice that push names,
 // which is a wave or, with streaming, the segment that flags name in free slots from number arg0 on.
-// Reads: Frame. Writes: rays of every path, and what generate_camera_rays writes of queues and segments.
+// Reads: FrameConstants. Writes: rays of every path, and what generate_camera_rays writes of queues and segments.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "wavefront/wavefront.glsl"

@@ -2,8 +2,8 @@
 // Starts the paths of a wave, or of the segment that flags name in free slots from number arg0 on: one thread per path.
 // In core, with textures: of a wave that is traced again, the paths that lacked a tile; of a wave behind an incomplete
 // one, none.
-// Reads: Frame. Writes: rays, paths, radiance of every path. In core: ray_queue[0] and Counters::ray_count[0]. With
-// streaming: the segment, progress; pushes to ray_queue[round & 1].
+// Reads: FrameConstants. Writes: rays, paths, radiance of every path. In core: ray_queue[0] and
+// WavefrontCounters::ray_count[0]. With streaming: the segment, progress; pushes to ray_queue[round & 1].
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "wavefront/wavefront.glsl"

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Closest hit of every ray of a round: Counters::trace_args, a thread for one ray or, where there are very many, for
-// some.
+// Closest hit of every ray of a round: WavefrontCounters::trace_args, a thread for one ray or, where there are very
+// many, for some.
 // Reads: ray_queue[round & 1], rays, the scene. Writes: hits of the rays that hit; pushes the path to surface_queue or
 // escaped_queue. With streaming also: rays (flags), pending, progress; pushes to deferred, and to the other two queues
 // only when the path's shadow ray has finished too. With DEFERRED_CUTOUTS also: pushes the paths whose hit depends on a

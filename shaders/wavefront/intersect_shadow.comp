@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Adds the contribution of every shadow ray that meets nothing, and of others the share that the light's shadow colour
-// tells: Counters::shadow_args, a thread for one ray or, where there are very many, for some.
+// tells: WavefrontCounters::shadow_args, a thread for one ray or, where there are very many, for some.
 // Reads: shadow_queue, shadow_rays, the scene. Writes: radiance of the ray's path (a path has at most one shadow ray at
 // a time).
 // With streaming also: shadow_rays (flags), shadow_pending, progress; pushes to deferred, and finished paths to

@@ -5,7 +5,7 @@
 // arg0 = PREPARE_DEMAND: for what reads the deferred rays, and for retire_paths.
 // arg0 = PREPARE_RESOLVE: for resolve_materials.
 // arg0 = PREPARE_SETTLE: for settle_closest and settle_shadow.
-// Reads and writes: Counters. Totals of rays are counted here, those of AOVs left out.
+// Reads and writes: WavefrontCounters. Totals of rays are counted here, those of AOVs left out.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "wavefront/wavefront.glsl"

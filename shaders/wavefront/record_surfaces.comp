@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Streaming only. Keeps the surface of every hit that this round has found, while its chunk is there: one thread per
-// ray, Counters::ray_args.
+// ray, WavefrontCounters::ray_args.
 // Reads: ray_queue[round & 1], rays (flags), hits, the scene. Writes: surfaces; with textures, resolve_progress; with
-// MOTION_VECTORS, of rays through pixel centres, the plane Frame::aov.motion: later the chunk may be gone.
+// MOTION_VECTORS, of rays through pixel centres, the plane FrameConstants::aov.motion: later the chunk may be gone.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "wavefront/wavefront.glsl"

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Streaming with cutouts only. Goes on with the lookups that rays asked about, as far as tiles of textures are there:
-// one thread per deferred ray, Counters::deferred_args.
+// one thread per deferred ray, WavefrontCounters::deferred_args.
 // Reads: deferred, rays and shadow_rays (flags), textures and tiles. Reads and writes: questions.
 #version 460
 #extension GL_GOOGLE_include_directive : require
@@ -18,7 +18,7 @@ void main() {
     const uint path = path_of_entry(entry);
     if ((entry & MATERIAL_BIT) != 0u || !is_asked(path, is_shadow)) return;
     Questions questions = Questions(question_list(is_shadow));
-    const Question q = questions.v[path];
+    const DeferredAlphaTest q = questions.v[path];
     if (q.unit == OWN_UNIT || !is_tile_resident(q.unit)) return;
     TextureProgress progress = TextureProgress(q.mean, q.flags & QUESTION_TAPS);
     const uint said = continue_lookup(q.texture, q.st, q.width, progress);

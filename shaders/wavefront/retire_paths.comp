@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Streaming only. Moves the radiance of the paths that have ended in this step to their places in the segments, which
-// may lie in host memory: one thread per path, Counters::retire_args. Their slots begin new paths in later steps.
-// Reads: free_slots, places, radiance. Writes: ended_radiance.
+// may lie in host memory: one thread per path, WavefrontCounters::retire_args. Their slots begin new paths in later
+// steps. Reads: free_slots, places, radiance. Writes: ended_radiance.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "wavefront/wavefront.glsl"

@@ -39,7 +39,7 @@ struct Sample {
 bool sample_of_place(uint place, out Sample of_path) {
     const uint segment = place / STREAMING.segment_size;
     const uint i = place - segment * STREAMING.segment_size;
-    const Segment s = Segments(STREAMING.segments).v[segment];
+    const PathSegment s = Segments(STREAMING.segments).v[segment];
     of_path = Sample(0u, 0u, 0u);
     if (i >= s.count) return false;
     if (has_entries()) {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Roulette on loads only. How bright paths are and how much they differ: mean radiance, second moment, and what
 // variance the means of pixels have. Of some pixels, all their samples that are found and have ended. One workgroup.
-// Reads: segments, ended_radiance. Reads and writes: Roulette.
+// Reads: segments, ended_radiance. Reads and writes: RouletteStats.
 //
 // The error of a mean of scrambled Sobol points is not told by the variance of the points. The mean of the first half
 // of them differs from the mean of all by V(n / 2) - V(n), squared (measure_error); where V falls as n^-r that is V(n)

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Roulette on loads only. Weights or ends the rays that wait for a unit that was decided about: one thread per
-// deferred ray, Counters::deferred_args. Ended rays go on like those whose unit is there, so that intersect_* say that
-// they are done. arg0: which table of verdicts.
+// deferred ray, WavefrontCounters::deferred_args. Ended rays go on like those whose unit is there, so that intersect_*
+// say that they are done. arg0: which table of verdicts.
 // Reads: deferred, pending lists, verdicts. Reads and writes: rays (flags), shadow_rays (flags, contribution), paths
-// (throughput); adds to Roulette.
+// (throughput); adds to RouletteStats.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "wavefront/wavefront.glsl"

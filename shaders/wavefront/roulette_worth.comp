@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Roulette on loads only. Adds up, unit by unit, the second moment of what the rays that wait for it first bring to a
-// pixel together, relative to the pixel, over the pixels: one thread per deferred ray, Counters::deferred_args.
-// Reads: deferred, rays, shadow_rays, paths, pending lists, segments, ended_radiance, film, Roulette. Adds to: worth,
-// worth_sums.
+// pixel together, relative to the pixel, over the pixels: one thread per deferred ray,
+// WavefrontCounters::deferred_args. Reads: deferred, rays, shadow_rays, paths, pending lists, segments, ended_radiance,
+// film, RouletteStats. Adds to: worth, worth_sums.
 //
 // All rays of a load end together, so m rays of a pixel that bring c each add m^2 c^2 to its variance. Each adds its
 // part to a sum of its unit and pixel, and to the unit by how much that grows the sum's square. Two sums that share

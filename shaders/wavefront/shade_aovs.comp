@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // What the rays of generate_aov_rays met: one thread per ray of a queue. arg0 = AOV_SURFACES: surface_queue,
-// Counters::surface_args; arg0 = AOV_ESCAPED: escaped_queue, Counters::escaped_args.
+// WavefrontCounters::surface_args; arg0 = AOV_ESCAPED: escaped_queue, WavefrontCounters::escaped_args.
 // Reads: the queue, hits, the scene; with streaming, surfaces in place of the last two. Writes: the planes of
-// Frame::aov that are not 0; with streaming, segments. Surfaces of opacity 0 are not seen, all others are.
+// FrameConstants::aov that are not 0; with streaming, segments. Surfaces of opacity 0 are not seen, all others are.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "wavefront/wavefront.glsl"
@@ -13,7 +13,7 @@
 #include "material/material.glsl"
 #include "camera/motion_vector.glsl"
 
-// row . (p, 1). Of the world's rows, p from Frame::ray_o on: far from the world's origin nothing cancels.
+// row . (p, 1). Of the world's rows, p from FrameConstants::ray_o on: far from the world's origin nothing cancels.
 float row_at(vec4 row, vec3 p) {
     return dot3(row.xyz, p) + row.w;
 }

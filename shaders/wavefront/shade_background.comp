@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // What rays that leave the scene bring: dome and distant lights, weighted against the shadow rays of the bounce before.
-// One thread per escaped ray, Counters::escaped_args.
+// One thread per escaped ray, WavefrontCounters::escaped_args.
 // Reads: escaped_queue, rays, paths, lights. Writes: radiance of the ray's path; with streaming, segments.
 #version 460
 #extension GL_GOOGLE_include_directive : require

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Shades every hit of a round: a shadow ray towards one light, and the ray of the next bounce. One thread per hit,
-// Counters::surface_args.
+// WavefrontCounters::surface_args.
 // Reads: surface_queue, hits, rays, paths, the scene. Writes: paths, rays (the next one in place of this one),
 // shadow_rays and, at bounce 0, radiance (alpha 1); pushes the path to shadow_queue and ray_queue[(round + 1) & 1].
 // With streaming: reads surfaces in place of hits and the scene; writes progress, segments. Where lights ask something

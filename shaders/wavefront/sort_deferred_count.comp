@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Streaming only. Counts the deferred rays that may go on, by chunk: one thread per deferred ray,
-// Counters::deferred_args.
+// WavefrontCounters::deferred_args.
 // Reads: deferred, rays and shadow_rays (flags), pending lists, chunks, meshes. Adds to: sort_counts, which the host
 // has zeroed.
 #version 460

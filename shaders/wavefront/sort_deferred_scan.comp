@@ -4,7 +4,7 @@
 // sort_sums gets the sum of the block.
 // arg0 = SCAN_SUMS, one workgroup: each sum becomes that of the blocks before it. Makes room in the queues and turns to
 // the other list of deferred rays.
-// Reads and writes: sort_counts, sort_sums, Counters.
+// Reads and writes: sort_counts, sort_sums, WavefrontCounters.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "wavefront/wavefront.glsl"

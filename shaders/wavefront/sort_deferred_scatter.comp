@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Streaming only. Puts the deferred rays that may go on into the queues, those of one chunk side by side, and the
-// others on the other list: one thread per deferred ray, Counters::deferred_args.
+// others on the other list: one thread per deferred ray, WavefrontCounters::deferred_args.
 // Reads: deferred, rays and shadow_rays (flags), pending lists, chunks, meshes, sort_sums. Writes: sort_counts;
 // ray_queue[round & 1] and shadow_queue from where there is room, with textures resolve_queue too; pushes to deferred.
 #version 460

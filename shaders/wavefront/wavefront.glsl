@@ -6,7 +6,7 @@
 #include "abi/memory.glsl"
 
 layout(local_size_x = 64) in;
-layout(push_constant, scalar) uniform PushBlock { Push push; };
+layout(push_constant, scalar) uniform PushBlock { PushConstants push; };
 
 #define FRAME FrameBlock(push.frame).f
 #define COUNTERS CountersBlock(FRAME.counters).c

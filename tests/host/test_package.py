@@ -383,6 +383,14 @@ def test_without_its_host_the_package_says_what_to_install(installed):
     assert done.returncode == 0 and "doctor" in done.stdout and "oocpt record" in done.stdout, done.stdout
 
 
+def test_the_package_has_no_benches_and_says_how_to_build_them(installed, wheel):
+    with zipfile.ZipFile(wheel) as packed:
+        assert not [name for name in packed.namelist() if "bench" in name]
+    done = run(installed, "-m", "oocpt", "bench", "island", "--help", RUST_BACKTRACE="0")
+    assert done.returncode == 1 and "cargo build --release -p oocpt-bench" in done.stderr, done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+
+
 def test_the_command_hands_on_flags_and_exit_statuses(installed):
     done = run(installed, "-m", "oocpt", "record", "--help")
     assert done.returncode == 0 and done.stdout.startswith("usage: oocpt record ") and "--samples N" in done.stdout

@@ -22,7 +22,7 @@ KEYS = [
     "oocpt:roulettePaths", "oocpt:rouletteShadowRays", "oocpt:rouletteLoadsSaved",
     "oocpt:errorSamples", "oocpt:errorSeconds", "oocpt:errorEstimate", "oocpt:errorLow", "oocpt:errorHigh",
     "oocpt:errorWorstPixels",
-    "oocpt:features", "oocpt:featuresLeftOut", "oocpt:featuresCarried", "oocpt:passes", "oocpt:passesLeftOut",
+    "oocpt:features", "oocpt:featuresLeftOut", "oocpt:passes", "oocpt:passesLeftOut",
     "oocpt:pipelines", "oocpt:buffers",
     "oocpt:buffersLeftOut", "oocpt:bufferBytes", "oocpt:bytesLeftOut", "oocpt:primvars", "oocpt:primvarsLeftOut",
     "oocpt:maxLevels", "oocpt:stackSize", "oocpt:traversalBackend", "oocpt:traversalReason",
@@ -38,7 +38,7 @@ LISTED = [
 ]  # fmt: skip
 # Tools for developing the renderer: they work wherever a setting can be given, and no host lists them.
 UNLISTED = [
-    "oocpt:traversal", "oocpt:policy", "oocpt:chunkReport", "oocpt:materialReport", "oocpt:reference", "oocpt:carry",
+    "oocpt:traversal", "oocpt:policy", "oocpt:chunkReport", "oocpt:materialReport", "oocpt:reference",
 ]  # fmt: skip
 
 
@@ -76,10 +76,6 @@ def test_settings_of_developers_work_although_no_host_lists_them(host, fresh_hos
     by_host, by_variable = (tmp_path / f"{place}.json" for place in ("host", "variable"))
     with host.open(PATH, (16, 16), settings=QUICK | {"oocpt:chunkReport": str(by_host)}) as view:
         view.render()
-        assert view.stats()["oocpt:featuresCarried"] == "", view.stats()["oocpt:featuresCarried"]
-        view.edit("engine.SetRendererSetting('oocpt:carry', 'LENS')")
-        view.render()
-        assert view.stats()["oocpt:featuresCarried"] == "LENS", view.stats()["oocpt:featuresCarried"]
     other = fresh_host(host.scene_index, OOCPT_CHUNK_REPORT=str(by_variable))
     other.picture(PATH, (16, 16), settings=QUICK)
     for report in (by_host, by_variable):
@@ -170,7 +166,7 @@ def test_a_scene_sets_nothing_that_belongs_to_the_machine(fresh_host, host, tmp_
         "oocpt:memoryBudget": "int = 1", "oocpt:geometryBudget": "int = 1", "oocpt:hostMemoryBudget": "int = 1",
         "oocpt:device": 'string = "no such device"', "oocpt:chunkSize": "int = 16", "oocpt:policy": 'string = "sweep"',
         "oocpt:traversal": 'string = "compute"', "oocpt:hostMappedGeometry": 'string = "on"',
-        "oocpt:textureCacheSize": "int = 1", "oocpt:geometryCacheSize": "int = 1", "oocpt:carry": 'string = "all"',
+        "oocpt:textureCacheSize": "int = 1", "oocpt:geometryCacheSize": "int = 1",
         **{
             f"oocpt:{name}": f'string = "{unwanted}"'
             for name in ("report", "chunkReport", "materialReport", "reference", "textureCache", "geometryCache",

@@ -7,7 +7,7 @@
         [--json OUT.json]
 
 The scenes are those of `oocpt bench curves`, which renders our side; Mitsuba's are made here from the same formulas
-(`rust/cli/src/scene/fur.rs`): the same hairs as `bsplinecurve` (round, five control points and two phantom ones, four
+(`rust/scenes/src/fur.rs`): the same hairs as `bsplinecurve` (round, five control points and two phantom ones, four
 pieces), the same balls as `ellipsoids`, the same triangles with flat normals; diffuse, below a constant dome. `limit`
 is a subdivision surface for us, cut to `--dicing-rate`; Mitsuba gets a mesh of that surface with about as many
 triangles as ours came to.

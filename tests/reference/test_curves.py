@@ -13,7 +13,7 @@ import curves
 
 
 def test_scenes_are_those_of_the_bench():
-    """The numbers are also in the test of `rust/cli/src/scene/fur.rs`."""
+    """The numbers are also in the test of `rust/scenes/src/fur.rs`."""
     points, width = curves.hairs(3)
     assert points[2, 0] == pytest.approx([0.11838902, -0.08247532, -0.7868811], abs=1e-6), "root of the third hair"
     assert points[2, 4] == pytest.approx([0.19086766, -0.22842777, -1.0048903], abs=1e-6), "its tip"

@@ -12,8 +12,8 @@ pub const SPEC_FEATURES: u32 = 2;
 /// Specialisation constant: bits 32 to 63 of [`Features`].
 pub const SPEC_FEATURES_HIGH: u32 = 3;
 
-/// Whether a feature can be compiled in for a scene that does not need it without changing a bit of the picture
-/// (`oocpt:carry`).
+/// Whether a feature can be compiled in for a scene that does not need it without changing a bit of the
+/// picture, as benches and tests do.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum CarryRule {
     /// It selects another estimator, or needs memory that only its scenes have.
@@ -30,8 +30,8 @@ pub enum CarryRule {
 
 /// A row of [`FEATURES`].
 #[derive(Debug, Clone, Copy)]
-pub struct Feature {
-    /// As in `HAS_NAME` of the shaders, in `oocpt:carry` and in the stats.
+pub struct FeatureRow {
+    /// As in `HAS_NAME` of the shaders and in the stats.
     pub name: &'static str,
     /// Its bit.
     pub bit: Features,
@@ -50,7 +50,7 @@ macro_rules! features {
         $name:ident: $what:literal, [$($needs:ident),*], $carry:ident;
     )+) => {
         #[expect(non_camel_case_types, clippy::upper_case_acronyms, reason = "names of constants")]
-        enum Bit {
+        enum FeatureBit {
             $($(#[cfg($only)])? $name,)+
         }
 
@@ -59,12 +59,12 @@ macro_rules! features {
             /// [`SPEC_FEATURES`] and [`SPEC_FEATURES_HIGH`]).
             #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
             pub struct Features: u64 {
-                $($(#[doc = $doc])+ $(#[cfg($only)])? const $name = 1 << (Bit::$name as u32);)+
+                $($(#[doc = $doc])+ $(#[cfg($only)])? const $name = 1 << (FeatureBit::$name as u32);)+
             }
         }
 
         /// Every feature, by bit.
-        pub const FEATURES: &[Feature] = &[$($(#[cfg($only)])? Feature {
+        pub const FEATURES: &[FeatureRow] = &[$($(#[cfg($only)])? FeatureRow {
             name: stringify!($name),
             bit: Features::$name,
             what: $what,
@@ -83,7 +83,7 @@ features! {
     OPACITY: "opacity in traversal", [], Always;
     /// Some mesh has normals to interpolate; without it all shading is flat.
     NORMALS: "interpolated normals", [], Always;
-    /// Some mesh has colours; without it every surface is `Frame::default_albedo`.
+    /// Some mesh has colours; without it every surface is `FrameConstants::default_albedo`.
     COLORS: "colours", [], Always;
     /// The camera has an open lens: `lens_u`, `lens_v`, `focus` count.
     LENS: "lens", [], Always;
@@ -91,15 +91,15 @@ features! {
     INSTANCING: "nested instance levels", [], Always;
     /// Some dome has no texture: shadow rays towards it are sampled by the BSDF.
     DOME_SHADOW_RAYS: "shadow rays to constant domes", [DOME], Never;
-    /// Chunks may be absent: rays wait for them, paths live in segments. `Frame::streaming` counts.
+    /// Chunks may be absent: rays wait for them, paths live in segments. `FrameConstants::streaming` counts.
     STREAMING: "streaming of what does not fit", [], Never;
-    /// `Streaming::unit_rays` counts the rays that entered each chunk and mesh.
+    /// `StreamingPointers::unit_rays` counts the rays that entered each chunk and mesh.
     CHUNK_COUNTS: "counts of rays by chunk and mesh", [STREAMING], Never;
-    /// Rays that wait for a load that is too dear for what they bring may end (`Streaming::roulette`).
+    /// Rays that wait for a load that is too dear for what they bring may end (`StreamingPointers::roulette`).
     ROULETTE: "roulette on loads for stragglers", [STREAMING], Never;
-    /// Some mesh has a material: `Frame::materials`, `prims` and `material_slots` count.
+    /// Some mesh has a material: `FrameConstants::materials`, `prims` and `material_slots` count.
     MATERIALS: "materials, and tables of them", [], Never;
-    /// Some material reads a texture: `Frame::textures` and `texture_pages` count.
+    /// Some material reads a texture: `FrameConstants::textures` and `texture_pages` count.
     TEXTURES: "textures, and ray cones for them", [MATERIALS], MaterialsInCore;
     /// Some texture is Ptex.
     PTEX: "Ptex", [TEXTURES], MaterialsInCore;
@@ -130,7 +130,7 @@ features! {
     HAIR: "hair", [OPEN_PBR], Never;
     /// Some material has a rough diffuse lobe.
     ROUGH_DIFFUSE: "rough diffuse reflection", [OPEN_PBR], Materials;
-    /// Some material has a program: `Frame::programs` counts.
+    /// Some material has a program: `FrameConstants::programs` counts.
     PATTERNS: "programs of patterns", [MATERIALS], Materials;
     /// Some material is one of several by chance: programs read random numbers of the hit.
     MIXTURES: "mixtures by chance", [PATTERNS], Materials;
@@ -139,11 +139,12 @@ features! {
     /// What textures say of some cutout is known in part without them: `GpuMaterial::cutout` counts.
     OPACITY_MASKS: "masks of what is known of cutouts", [CUTOUTS, TEXTURES], Never;
     /// Trace passes ask masks only; rays whose hit depends on what these do not know have passes of their own:
-    /// `Frame::settle_queue` counts.
+    /// `FrameConstants::settle_queue` counts.
     DEFERRED_CUTOUTS: "cutouts that no mask knows in passes of their own", [OPACITY_MASKS], Never;
     /// Some material emits light.
     EMISSION: "emission of surfaces", [MATERIALS], Materials;
-    /// Some primvar has a value per instance: `primvars` of chunks and assemblies, and `Frame::placed_values`, count.
+    /// Some primvar has a value per instance: `primvars` of chunks and assemblies, and `FrameConstants::placed_values`,
+    /// count.
     INSTANCE_PRIMVARS: "primvars with a value per instance", [], Always;
     /// Some displayOpacity at instance rate is below 1.
     INSTANCE_OPACITY: "opacity with a value per instance", [INSTANCE_PRIMVARS, OPACITY], Always;
@@ -165,11 +166,11 @@ features! {
     MESH_LIGHTS: "emissive meshes sampled as lights", [EMISSION], Lights;
     /// The emission of some such mesh is a texture's or a primvar's.
     MESH_LIGHT_VALUES: "emission of lights by textures and primvars", [MESH_LIGHTS], Lights;
-    /// The emission of some such mesh is a program's: `Lighting::light_corners` counts.
+    /// The emission of some such mesh is a program's: `LightTablePointers::light_corners` counts.
     MESH_LIGHT_PROGRAMS: "emission of lights by programs", [PATTERNS, MESH_LIGHT_VALUES], Never;
-    /// Some light moves while the shutter is open: `Lighting::light_keys` counts.
+    /// Some light moves while the shutter is open: `LightTablePointers::light_keys` counts.
     MOVING_LIGHTS: "motion of lights", [], Never;
-    /// Some mesh that is sampled as a light moves while the shutter is open: `Lighting::mesh_motion` counts.
+    /// Some mesh that is sampled as a light moves while the shutter is open: `LightTablePointers::mesh_motion` counts.
     MOVING_MESH_LIGHTS: "motion of meshes sampled as lights", [MESH_LIGHTS], Never;
     /// Some mesh is made of hulls of two balls: curves.
     ROUND: "curves", [], Always;
@@ -177,15 +178,15 @@ features! {
     MOTION: "motion of placements", [], Always;
     /// The points of some mesh move while the shutter is open: paths have a time.
     DEFORMATION: "motion of points", [], Always;
-    /// The camera moves: `Frame::camera_motion` counts.
+    /// The camera moves: `FrameConstants::camera_motion` counts.
     CAMERA_MOTION: "motion of the camera", [], Never;
-    /// The camera has clipping planes: `Frame::clip_planes` counts.
+    /// The camera has clipping planes: `FrameConstants::clip_planes` counts.
     CLIPPING: "clipping planes", [], Never;
     /// The image `motion` is wanted, and something may move: `AovTargets::motion` counts.
     MOTION_VECTORS: "motion over the image", [], Never;
     /// An image is wanted that tells how surfaces are shaded: `normal`, `Neye` or `albedo`.
     SHADED_AOVS: "images of normals and albedo", [], Never;
-    /// Pixels have two streams of samples, and not all as many of them: `Frame::adaptive` counts.
+    /// Pixels have two streams of samples, and not all as many of them: `FrameConstants::adaptive` counts.
     ADAPTIVE: "adaptive sampling: lists of samples, the second stream of the film", [], Never;
     /// Some mesh is made of balls: points.
     POINTS: "points", [], Always;

@@ -50,7 +50,7 @@ pub const fn waiting_count(flags: u32) -> u32 {
 }
 
 bitflags! {
-    /// How far the rays of a path are (`Streaming::progress`).
+    /// How far the rays of a path are (`StreamingPointers::progress`).
     #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
     pub struct PathProgress: u32 {
         /// The shadow ray has finished, or there is none.

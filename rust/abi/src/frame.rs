@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What a pass is given: the frame block, specialisation constants, and how to launch ([`super::Push`] has the push
-//! constants).
+//! What a pass is given: the frame block, specialisation constants, and how to launch ([`super::PushConstants`] has the
+//! push constants).
 //!
 //! Guarantees: plain data, of which the build makes the structs of the shaders. Any thread.
 
@@ -54,10 +54,10 @@ pub const AOV_SURFACES: u32 = 0;
 pub const AOV_ESCAPED: u32 = 1;
 
 bitflags! {
-    /// Switches of a frame that do not need another pipeline (`Frame::flags`).
+    /// Switches of a frame that do not need another pipeline (`FrameConstants::flags`).
     #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
     pub struct FrameFlags: u32 {
-        /// A camera ray that escapes sees `Frame::dome_background` with alpha 1; else it leaves (0, 0, 0, 0).
+        /// A camera ray that escapes sees `FrameConstants::dome_background` with alpha 1; else it leaves (0, 0, 0, 0).
         const DOME_CAMERA_VISIBLE = 1;
     }
 }
@@ -122,7 +122,7 @@ shared! {
     /// Everything about a frame that all passes share; lives in device memory, written by the host before the first
     /// wave. World means: relative to `Snapshot::origin`, the frame of the root assembly.
     #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
-    pub struct Frame {
+    pub struct FrameConstants {
         /// [`crate::LevelNode`] array of the top level: leaves are single chunk instances, boxes are in the world; at
         /// least one node. 16-byte aligned, as all node, triangle and instance arrays are.
         pub top_nodes: u64,
@@ -158,9 +158,9 @@ shared! {
         pub settle_queue: [u64; 2],
         /// Hit records of the candidate that such a path depends on, by its place in the queue; 16-byte aligned.
         pub settle_hits: [u64; 2],
-        /// One [`crate::Streaming`]; 0 without `Features::STREAMING`.
+        /// One [`crate::StreamingPointers`]; 0 without `Features::STREAMING`.
         pub streaming: u64,
-        /// One [`crate::Counters`].
+        /// One [`crate::WavefrontCounters`].
         pub counters: u64,
         /// [`crate::FilmPixel`] per pixel `y * width + x`. Zero before the first wave. 16-byte aligned.
         pub film: u64,
@@ -235,13 +235,13 @@ shared! {
         pub cones: u64,
         /// Albedo tables of the BSDF; 0 without `Features::MATERIALS`.
         pub bsdf_tables: u64,
-        /// One [`crate::Lighting`].
+        /// One [`crate::LightTablePointers`].
         pub lighting: u64,
         /// 16 B per path: what lights that a ray meets need to know of where it left; 0 where none asks.
         pub light_paths: u64,
         /// Table of values as [`crate::GpuChunk::primvars`], by `GpuChunkInstance::row`; 0 without any.
         pub placed_values: u64,
-        /// One [`Adaptive`]; 0 without `Features::ADAPTIVE`.
+        /// One [`AdaptiveSampling`]; 0 without `Features::ADAPTIVE`.
         pub adaptive: u64,
         /// One [`crate::TextureFeedback`]; 0 where all tiles are there, and with `Features::STREAMING`.
         pub texture_feedback: u64,
@@ -272,7 +272,7 @@ shared! {
     pub struct ClipPlane {
         /// `begins` at image point (0, 0), and its change per pixel to the right and up.
         pub begins: [f32; 3],
-        /// Its change, and that of `-slope * Frame::focus`, by the lens point's x.
+        /// Its change, and that of `-slope * FrameConstants::focus`, by the lens point's x.
         pub lens_x: f32,
         /// `slope` at image point (0, 0), and its change per pixel to the right and up.
         pub slope: [f32; 3],
@@ -283,10 +283,10 @@ shared! {
 
 shared! {
     /// Which samples the paths of an epoch are, with `Features::ADAPTIVE`. The film then has a [`crate::FilmPixel`] for
-    /// each pixel of stream 0 and behind all of them one for each of stream 1; `Push::first_pixel` is an entry, and
-    /// `Push::first_sample` a row, with the band from bit 26 on.
+    /// each pixel of stream 0 and behind all of them one for each of stream 1; `PushConstants::first_pixel` is an
+    /// entry, and `PushConstants::first_sample` a row, with the band from bit 26 on.
     #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
-    pub struct Adaptive {
+    pub struct AdaptiveSampling {
         /// u32x2 each: number of the pixel in trace order, with the stream in the highest bit; first sample. 8-byte
         /// aligned.
         pub entries: u64,

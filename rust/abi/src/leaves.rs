@@ -10,7 +10,7 @@ use super::Features;
 
 /// A row of [`LEAVES`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Leaf {
+pub struct LeafType {
     /// Of its files and its functions.
     pub name: &'static str,
     /// What `GpuMesh::flags` says of a mesh of it, below [`LEAF_KINDS`].
@@ -27,7 +27,7 @@ macro_rules! leaves {
         $(#[cfg($only:meta)])?
         $constant:ident = $number:literal: $name:ident, [$($needs:ident),*], $is_tube:literal;
     )+) => {
-        impl Leaf {
+        impl LeafType {
             $($(#[doc = $doc])+ $(#[cfg($only)])? pub const $constant: Self = Self {
                 name: stringify!($name),
                 number: $number,
@@ -37,7 +37,7 @@ macro_rules! leaves {
         }
 
         /// Every kind of leaf.
-        pub const LEAVES: &[Leaf] = &[$($(#[cfg($only)])? Leaf::$constant,)+];
+        pub const LEAVES: &[LeafType] = &[$($(#[cfg($only)])? LeafType::$constant,)+];
     };
 }
 
@@ -60,7 +60,7 @@ pub const MESH_LEAF_SHIFT: u32 = 24;
 /// The bits of `GpuMesh::flags` that are that number.
 pub const MESH_LEAF_MASK: u32 = (LEAF_KINDS - 1) << MESH_LEAF_SHIFT;
 
-impl Leaf {
+impl LeafType {
     /// Its bits of `GpuMesh::flags`.
     #[must_use]
     pub const fn flags(self) -> u32 {

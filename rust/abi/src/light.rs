@@ -43,7 +43,7 @@ bitflags! {
         const SHADOW_COLOR = 64;
         /// `shadow_link` is not 0.
         const SHADOW_LINK = 128;
-        /// Its shadows end: `Lighting::local_reaches` or `Lighting::infinite_reaches` counts.
+        /// Its shadows end: `LightTablePointers::local_reaches` or `LightTablePointers::infinite_reaches` counts.
         const SHADOW_REACH = 256;
     }
 }
@@ -51,7 +51,7 @@ bitflags! {
 shared! {
     /// Where the light table is.
     #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
-    pub struct Lighting {
+    pub struct LightTablePointers {
         /// [`GpuLocalLight`] array; 0 without `Features::LOCAL_LIGHTS`, as `nodes`.
         pub local_lights: u64,
         /// [`GpuLightNode`] array, the root first.
@@ -145,7 +145,7 @@ shared! {
 
 shared! {
     /// A placement of a mesh that emits light, 96 B. World points are `position + x p.x + y p.y + z p.z` for points p
-    /// of the mesh; of one that moves (`Lighting::mesh_motion`) points of the innermost frame that does.
+    /// of the mesh; of one that moves (`LightTablePointers::mesh_motion`) points of the innermost frame that does.
     #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
     pub struct GpuMeshLight {
         /// Origin of the mesh's frame, relative to the snapshot's origin, high part.
@@ -170,7 +170,7 @@ shared! {
         pub mesh: u32,
         /// How far traversal may find the mesh from where it is, in the world.
         pub error: f32,
-        /// Index in `Lighting::light_placed_values` of its first slot's, or [`NO_INDEX`].
+        /// Index in `LightTablePointers::light_placed_values` of its first slot's, or [`NO_INDEX`].
         pub values: u32,
         /// Turns to it from the root of the tree, the first in the lowest bit.
         pub trail: [u32; 2],
@@ -239,8 +239,8 @@ shared! {
         pub weight: f32,
         /// At `v1`.
         pub b: [f32; 3],
-        /// Where its emission is a program's: index in [`Lighting::light_corners`] of nine rows, for each corner (u, v,
-        /// u, v) of both sets of texture coordinates, the first primvar and the second.
+        /// Where its emission is a program's: index in [`LightTablePointers::light_corners`] of nine rows, for each
+        /// corner (u, v, u, v) of both sets of texture coordinates, the first primvar and the second.
         pub corners: u32,
         /// At `v2`.
         pub c: [f32; 3],
@@ -367,7 +367,7 @@ shared! {
         pub focus: f32,
         /// Colour of what the exponent takes away.
         pub focus_tint: [f32; 3],
-        /// Word of its profile in [`Lighting::ies`], or [`NO_INDEX`].
+        /// Word of its profile in [`LightTablePointers::ies`], or [`NO_INDEX`].
         pub ies: u32,
         /// See `LightShaping::ies_angle_scale` of the core.
         pub angle_scale: f32,

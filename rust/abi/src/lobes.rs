@@ -36,7 +36,7 @@ pub enum LobePart {
 
 /// A row of [`LOBES`].
 #[derive(Debug, Clone, Copy)]
-pub struct Lobe {
+pub struct LobeRow {
     /// Of its file and its functions.
     pub name: &'static str,
     /// Without all of these it is not compiled in.
@@ -52,7 +52,7 @@ pub struct Lobe {
 macro_rules! lobes {
     ($($(#[$only:meta])* $name:ident: [$($needs:ident),*], $normal:ident, $sides:ident, $part:ident;)+) => {
         /// Every lobe, in the order in which a random number chooses one.
-        pub const LOBES: &[Lobe] = &[$($(#[$only])* Lobe {
+        pub const LOBES: &[LobeRow] = &[$($(#[$only])* LobeRow {
             name: stringify!($name),
             needs: Features::empty()$(.union(Features::$needs))*,
             normal: LobeNormal::$normal,
@@ -85,7 +85,7 @@ pub const LOBES_ADDED: &[&str] = &["coat", "specular", "diffuse", "scatter", "gl
 pub const LOBES_EVALUATED: &[&str] = &["scatter", "diffuse", "glass_scatter", "specular", "coat", "sheen", "glass"];
 
 /// Every lobe, `first` before the others.
-pub fn lobes_in_order(first: &[&'static str]) -> Vec<&'static Lobe> {
+pub fn lobes_in_order(first: &[&'static str]) -> Vec<&'static LobeRow> {
     let named = first.iter().filter_map(|name| LOBES.iter().find(|lobe| lobe.name == *name));
     named.chain(LOBES.iter().filter(|lobe| !first.contains(&lobe.name))).collect()
 }

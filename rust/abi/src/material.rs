@@ -7,9 +7,9 @@
 use super::MaterialInput;
 use bytemuck::{Pod, Zeroable};
 
-/// In `Frame::material_slots` and `GpuSurfaceMaterial::material`: none.
+/// In `FrameConstants::material_slots` and `GpuSurfaceMaterial::material`: none.
 pub const NO_MATERIAL: u32 = u32::MAX;
-/// In `Frame::material_slots`: traversal has to ask the material whether the surface is there.
+/// In `FrameConstants::material_slots`: traversal has to ask the material whether the surface is there.
 pub const SLOT_PRESENCE: u32 = 1 << 31;
 /// In `GpuMaterial::names`, in place of a primvar: Ptex coordinates.
 pub const NAME_PTEX: u32 = u32::MAX - 1;
@@ -18,7 +18,7 @@ pub const NAME_POSITION: u32 = u32::MAX - 2;
 /// In `GpuMaterial::names`, in place of a primvar: the normal in the mesh's frame.
 pub const NAME_NORMAL: u32 = u32::MAX - 3;
 /// In `GpuMaterial::names`, in place of a primvar: where normals along x of the mesh's frame go in the world, and half
-/// of where those along z go (`oocpt_materialx::uses::Uses::OBJECT_FRAME`).
+/// of where those along z go (`oocpt_materialx::uses::MaterialUses::OBJECT_FRAME`).
 pub const NAME_FRAME_X: u32 = u32::MAX - 4;
 /// In `GpuMaterial::names`, in place of a primvar: the same along y, and the other half.
 pub const NAME_FRAME_Y: u32 = u32::MAX - 5;
@@ -78,7 +78,7 @@ shared! {
         pub names: [u32; 4],
         /// What the sets are where a mesh does not have them.
         pub set_fallback: [[f32; 2]; 2],
-        /// Of its program: where it begins in `Frame::programs`, in units of 16 bytes: constants, lookups (a
+        /// Of its program: where it begins in `FrameConstants::programs`, in units of 16 bytes: constants, lookups (a
         /// [`GpuInput`] each), instructions (two in 16 bytes). Behind it, if the opacity is a register: `program_sizes`
         /// of the program for that alone, 12 bytes of 0, and it.
         pub program: u32,

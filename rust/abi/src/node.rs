@@ -30,7 +30,7 @@ shared! {
 
 /// What a child is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Child {
+pub enum NodeChild {
     /// A node.
     Inner(u32),
     /// Triangles.
@@ -64,14 +64,14 @@ impl Bvh4Node {
 
     /// What child `at` (0 to 3) is.
     #[must_use]
-    pub fn child(&self, at: u32) -> Child {
+    pub fn child(&self, at: u32) -> NodeChild {
         let count = |at: u32| self.cell_and_counts >> (24 + 2 * at) & 3;
         if at < self.first_child >> Self::INNER_SHIFT {
-            Child::Inner((self.first_child & ((1 << Self::INNER_SHIFT) - 1)) + at)
+            NodeChild::Inner((self.first_child & ((1 << Self::INNER_SHIFT) - 1)) + at)
         } else if count(at) > 0 {
-            Child::Leaf { first: self.first_triangle + (0..at).map(count).sum::<u32>(), count: count(at) }
+            NodeChild::Leaf { first: self.first_triangle + (0..at).map(count).sum::<u32>(), count: count(at) }
         } else {
-            Child::Absent
+            NodeChild::Absent
         }
     }
 }

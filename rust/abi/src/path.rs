@@ -122,9 +122,10 @@ shared! {
     /// Queue lengths, what `prepare_dispatch` makes of them, and totals.
     ///
     /// The host zeroes all of it once before the first wave of a render; between waves nothing needs zeroing. The
-    /// totals grow until the host zeroes them again (between waves, at the offsets up to [`Counters::TOTALS_BYTES`]).
+    /// totals grow until the host zeroes them again (between waves, at the offsets up to
+    /// [`WavefrontCounters::TOTALS_BYTES`]).
     #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
-    pub struct Counters {
+    pub struct WavefrontCounters {
         /// Total: closest-hit rays traced (those of AOVs left out). A ray that waited and went on counts once.
         pub closest_rays: u64,
         /// Total: shadow rays traced, likewise.
@@ -138,18 +139,18 @@ shared! {
         /// Total: rays for which traversal ran out of stack and left nodes out; must stay 0, else `STACK_SIZE` is too
         /// small.
         pub stack_overflows: u32,
-        /// Paths in `Frame::ray_queue[i]`. After a submission of streaming that ended before round `r`, `ray_count[r &
-        /// 1]` rays and `shadow_count` shadow rays are ready to be traced.
+        /// Paths in `FrameConstants::ray_queue[i]`. After a submission of streaming that ended before round `r`,
+        /// `ray_count[r & 1]` rays and `shadow_count` shadow rays are ready to be traced.
         pub ray_count: [u32; 2],
-        /// Paths in `Frame::surface_queue`.
+        /// Paths in `FrameConstants::surface_queue`.
         pub surface_count: u32,
-        /// Paths in `Frame::escaped_queue`.
+        /// Paths in `FrameConstants::escaped_queue`.
         pub escaped_count: u32,
-        /// Paths in `Frame::shadow_queue`.
+        /// Paths in `FrameConstants::shadow_queue`.
         pub shadow_count: u32,
         /// Which of the two lists of deferred rays is in use: `deferred_count[deferred_parity]` rays wait.
         pub deferred_parity: u32,
-        /// Entries in `Streaming::deferred[i]`.
+        /// Entries in `StreamingPointers::deferred[i]`.
         pub deferred_count: [u32; 2],
         /// Not yet in `chunk_visits`.
         pub visits: u32,
@@ -177,7 +178,7 @@ shared! {
         pub freed: u32,
         /// Total, streaming with textures: times that a material was deferred; wraps.
         pub tile_misses: u32,
-        /// Paths in `Streaming::resolve_queue`; 0 between submissions.
+        /// Paths in `StreamingPointers::resolve_queue`; 0 between submissions.
         pub resolve_count: u32,
         /// Where in that queue sorted paths begin.
         pub resolve_base: u32,
@@ -193,23 +194,23 @@ shared! {
         pub shadow_next: u32,
         /// For `retire_paths`.
         pub retire_args: IndirectArgs,
-        /// Of [`Counters::freed`], those that `retire_paths` has moved away before: it begins here.
+        /// Of [`WavefrontCounters::freed`], those that `retire_paths` has moved away before: it begins here.
         pub retired_from: u32,
         /// It ends here.
         pub retired_to: u32,
-        /// Paths in `Frame::settle_queue[i]`.
+        /// Paths in `FrameConstants::settle_queue[i]`.
         pub settle_count: [u32; 2],
         /// In those queues the first path that no thread has begun.
         pub settle_next: [u32; 2],
         /// For `settle_closest` and `settle_shadow`.
         pub settle_args: [IndirectArgs; 2],
-        /// Total: the complement of the least `y * width + x` of the pixels of [`Counters::nonfinite`], whatever the
-        /// order in which they came; 0 = none.
+        /// Total: the complement of the least `y * width + x` of the pixels of [`WavefrontCounters::nonfinite`],
+        /// whatever the order in which they came; 0 = none.
         pub nonfinite_pixel: u32,
     }
 }
 
-impl Counters {
+impl WavefrontCounters {
     /// Byte offset of the lengths of the ray queues.
     pub const RAY_COUNT: u64 = offset_of!(Self, ray_count) as u64;
     /// Bytes of the totals, at the start of the struct.

@@ -156,8 +156,8 @@ numbered! {
         Fractal2,
         /// What the surface has: `immediate` is a [`PatternGeometry`].
         Surface,
-        /// The texel of a lookup of the program (`oocpt_materialx::program::Lookup`), whose number is the low byte of
-        /// `immediate`: at a.xy, or with bit 8 at the place that the lookup's own map says.
+        /// The texel of a lookup of the program (`oocpt_materialx::program::ProgramLookup`), whose number is the low
+        /// byte of `immediate`: at a.xy, or with bit 8 at the place that the lookup's own map says.
         Texture,
     }
 }

@@ -5,7 +5,7 @@ use bitflags::bitflags;
 use bytemuck::{Pod, Zeroable};
 
 bitflags! {
-    /// What the rays of a submission are (`Push::flags`).
+    /// What the rays of a submission are (`PushConstants::flags`).
     #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
     pub struct PushFlags: u32 {
         /// Rays of `generate_aov_rays`: they meet every surface of opacity above 0, and are not counted in the totals.
@@ -18,7 +18,7 @@ bitflags! {
     }
 }
 
-/// Where `generate_*` finds the number of the segment in `Push::flags`, streaming.
+/// Where `generate_*` finds the number of the segment in `PushConstants::flags`, streaming.
 pub const PUSH_SEGMENT_SHIFT: u32 = 8;
 /// Where `first_sample` has the number of the band with [`super::Features::ADAPTIVE`]; below it is the row.
 pub const BAND_SHIFT: u32 = 26;
@@ -47,8 +47,8 @@ pub const ESTIMATE_FIRST: u32 = 3;
 shared! {
     /// Push constants of every wavefront pass, 32 B.
     #[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
-    pub struct Push {
-        /// Device address of a [`super::Frame`].
+    pub struct PushConstants {
+        /// Device address of a [`super::FrameConstants`].
         pub frame: u64,
         /// First path of the wave: index of its pixel in trace order (`first_path % (width * height)`).
         pub first_pixel: u32,
@@ -68,7 +68,7 @@ shared! {
     }
 }
 
-impl Push {
+impl PushConstants {
     /// The push constants of the wave that traces `first_path .. first_path + path_count` of an image of `pixels`
     /// pixels, in round 0 with `arg0` and flags 0. `pixels` of 0 counts as 1. Sample numbers wrap at 2^32.
     #[must_use]

@@ -110,8 +110,8 @@ shared! {
 }
 
 shared! {
-    /// How the camera moves, 96 B, and behind it [`GpuCameraKey`]s: rays in the view's frame, as those of `Frame` in
-    /// the world.
+    /// How the camera moves, 96 B, and behind it [`GpuCameraKey`]s: rays in the view's frame, as those of
+    /// `FrameConstants` in the world.
     #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
     pub struct GpuCameraMotion {
         /// Origin of the ray of image point (0, 0).
@@ -223,13 +223,13 @@ shared! {
         /// [`crate::Bvh4Node`] array, 16-byte aligned.
         pub nodes: u64,
         /// [`GpuTriangle`] array, 16-byte aligned. With keys ([`MESH_KEYS_SHIFT`]) one for each, one behind the other,
-        /// and behind them the times of the keys, f32. Of points ([`crate::Leaf::POINT`]) it is [`GpuPoint`] arrays,
-        /// and behind the times are the radii, f32: one, or with [`MeshFlags::OWN_RADII`] one for each, its keys side
-        /// by side.
+        /// and behind them the times of the keys, f32. Of points ([`crate::LeafType::POINT`]) it is [`GpuPoint`]
+        /// arrays, and behind the times are the radii, f32: one, or with [`MeshFlags::OWN_RADII`] one for each, its
+        /// keys side by side.
         pub triangles: u64,
         /// The largest coordinate of a corner, without its sign.
         pub reach: f32,
-        /// [`MeshFlags::with_rates`], the keys ([`MESH_KEYS_SHIFT`]) and [`crate::Leaf::flags`].
+        /// [`MeshFlags::with_rates`], the keys ([`MESH_KEYS_SHIFT`]) and [`crate::LeafType::flags`].
         pub flags: u32,
         /// u32x3 per triangle; needed when an attribute has rate `Vertex`. 4-byte aligned, as all below.
         pub corner_indices: u64,
@@ -284,12 +284,12 @@ shared! {
         pub chunk_from_world: [[f32; 4]; 3],
         /// Low part of the origin: at most half an ulp of the high part.
         pub origin_lo: [f32; 3],
-        /// Index in `Frame::chunks`.
+        /// Index in `FrameConstants::chunks`.
         pub chunk: u32,
         /// Instance number of the opened placements above; 0 for chunks of the root. A record's number is
         /// `instance_id * prototype_count + index_in_prototype`, and so on down.
         pub instance_id: u32,
-        /// Row of `Frame::placed_values`, or [`NO_ROW`].
+        /// Row of `FrameConstants::placed_values`, or [`NO_ROW`].
         pub row: u32,
         /// 0.
         pub pad: [u32; 2],

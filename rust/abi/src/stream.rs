@@ -8,32 +8,34 @@ use super::SCAN_BLOCK;
 use bytemuck::{Pod, Zeroable};
 use core::mem::offset_of;
 
-/// Items that a ray remembers because something is absent ([`Pending`]); of more it only knows that there are some.
+/// Items that a ray remembers because something is absent ([`PendingItems`]); of more it only knows that there are
+/// some.
 pub const MAX_PENDING: u32 = 4;
 
-/// Set in an entry of `Streaming::deferred` when the path's shadow ray waits, else its closest ray does.
+/// Set in an entry of `StreamingPointers::deferred` when the path's shadow ray waits, else its closest ray does.
 pub const SHADOW_BIT: u32 = 1 << 31;
 
-/// Set in an entry of `Streaming::deferred` when neither waits but the path's material, for a tile of a texture.
+/// Set in an entry of `StreamingPointers::deferred` when neither waits but the path's material, for a tile of a
+/// texture.
 pub const MATERIAL_BIT: u32 = 1 << 30;
 
-/// With textures, `Streaming::sort_counts` has so many more elements: paths whose materials wait are sorted by tile
-/// modulo this.
+/// With textures, `StreamingPointers::sort_counts` has so many more elements: paths whose materials wait are sorted by
+/// tile modulo this.
 pub const TILE_KEYS: u32 = 256;
 
 shared! {
     /// Addresses of what streaming adds to a frame. `slots` paths are in flight; the segments have `segments *
     /// segment_size` *places*, at least as many, one radiance each. Both below 2^31.
     #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
-    pub struct Streaming {
-        /// [`Segment`] array: places `s * segment_size ..` belong to segment `s`. Written by `generate_*`, read by the
-        /// host.
+    pub struct StreamingPointers {
+        /// [`PathSegment`] array: places `s * segment_size ..` belong to segment `s`. Written by `generate_*`, read by
+        /// the host.
         pub segments: u64,
         /// u32 per slot: [`super::PathProgress`].
         pub progress: u64,
-        /// [`Pending`] per slot, of the closest ray. 16-byte aligned.
+        /// [`PendingItems`] per slot, of the closest ray. 16-byte aligned.
         pub pending: u64,
-        /// [`Pending`] per slot, of the shadow ray. 16-byte aligned.
+        /// [`PendingItems`] per slot, of the shadow ray. 16-byte aligned.
         pub shadow_pending: u64,
         /// [`GpuSurface`] per slot. 16-byte aligned.
         pub surfaces: u64,
@@ -62,11 +64,13 @@ shared! {
         /// f32x4 (rgb, alpha) per place: radiance of paths that have ended; host memory where the device has memory of
         /// its own. 16-byte aligned. With `Features::ROULETTE` alpha is below 0 where the path has not ended.
         pub ended_radiance: u64,
-        /// u32 per slot, a ring: slots that ended paths gave back, `Counters::freed` of them since the host zeroed it.
+        /// u32 per slot, a ring: slots that ended paths gave back, `WavefrontCounters::freed` of them since the host
+        /// zeroed it.
         pub free_slots: u64,
         /// [`crate::GpuSurfaceMaterial`] by slot; 0 without `Features::MATERIALS`.
         pub surface_materials: u64,
-        /// [`Question`] per slot, of the closest ray. 16-byte aligned; 0 without `Features::CUTOUTS`, as the next.
+        /// [`DeferredAlphaTest`] per slot, of the closest ray. 16-byte aligned; 0 without `Features::CUTOUTS`, as the
+        /// next.
         pub questions: u64,
         /// The same of the shadow ray.
         pub shadow_questions: u64,
@@ -77,7 +81,7 @@ shared! {
         pub resolved: u64,
         /// u32 per slot: how far the material is, 0 = not begun.
         pub resolve_progress: u64,
-        /// One [`Roulette`]; 0 without `Features::ROULETTE`, as the next three.
+        /// One [`RouletteStats`]; 0 without `Features::ROULETTE`, as the next three.
         pub roulette: u64,
         /// u32 `[first_tile]`: what the rays that wait for each chunk or mesh first may bring, see [`WORTH_ONE`]. The
         /// host zeroes it before.
@@ -90,7 +94,7 @@ shared! {
         pub verdicts: [u64; 2],
         /// Places of a segment; the last one may be used in part.
         pub segment_size: u32,
-        /// Elements of `Frame::chunks`, at most 2^30.
+        /// Elements of `FrameConstants::chunks`, at most 2^30.
         pub chunk_count: u32,
         /// Paths in flight at most; a power of two.
         pub slots: u32,
@@ -126,20 +130,20 @@ shared! {
     }
 }
 
-/// One in `Streaming::worth`; relative squared radiances.
+/// One in `StreamingPointers::worth`; relative squared radiances.
 pub const WORTH_ONE: u32 = 1 << 12;
 
-/// Set in `Streaming::worth` where a ray waits that roulette is not played with.
+/// Set in `StreamingPointers::worth` where a ray waits that roulette is not played with.
 pub const WORTH_MUST: u32 = 1 << 31;
 
-/// Elements of `Streaming::worth_sums`; a power of two.
+/// Elements of `StreamingPointers::worth_sums`; a power of two.
 pub const WORTH_SUMS: u32 = 1 << 20;
 
 shared! {
     /// What roulette on loads knows and counts, 24 B. Radiances are means of the channels; what is known of paths is of
     /// the latest looks at some of them.
     #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
-    pub struct Roulette {
+    pub struct RouletteStats {
         /// Mean radiance of paths.
         pub mean: f32,
         /// Mean of its square.
@@ -158,8 +162,8 @@ shared! {
 shared! {
     /// A contiguous range of paths in flight, 16 B.
     #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
-    pub struct Segment {
-        /// First path: index of its pixel in trace order, as [`crate::Push::first_pixel`].
+    pub struct PathSegment {
+        /// First path: index of its pixel in trace order, as [`crate::PushConstants::first_pixel`].
         pub first_pixel: u32,
         /// First path: its sample number.
         pub first_sample: u32,
@@ -170,14 +174,14 @@ shared! {
     }
 }
 
-/// Words of a [`Segment`].
+/// Words of a [`PathSegment`].
 #[allow(clippy::cast_possible_truncation, reason = "small")]
-pub const SEGMENT_WORDS: u32 = (size_of::<Segment>() / 4) as u32;
-/// Word of [`Segment::alive`].
+pub const SEGMENT_WORDS: u32 = (size_of::<PathSegment>() / 4) as u32;
+/// Word of [`PathSegment::alive`].
 #[allow(clippy::cast_possible_truncation, reason = "small")]
-pub const SEGMENT_WORD_ALIVE: u32 = (offset_of!(Segment, alive) / 4) as u32;
+pub const SEGMENT_WORD_ALIVE: u32 = (offset_of!(PathSegment, alive) / 4) as u32;
 
-/// [`Pending::mesh`] of an item that is a whole chunk instance.
+/// [`PendingItems::mesh`] of an item that is a whole chunk instance.
 pub const NO_MESH: u32 = u32::MAX;
 
 /// Of so many paths one counts its rays that enter meshes, for all: a power of two.
@@ -188,7 +192,7 @@ shared! {
     /// in the ray's flags. An item is a chunk instance whose chunk is absent, or, in one that is not, all records of a
     /// mesh that the ray enters at one distance: the mesh is absent, or a tile that decides about its cutouts.
     #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
-    pub struct Pending {
+    pub struct PendingItems {
         /// Where the ray enters the chunk instance.
         pub entry: [f32; 4] = "float[4]",
         /// Which it is. Of a material: the unit of a tile that it waits for.
@@ -204,7 +208,7 @@ shared! {
     /// Whether a cutout is there, which a ray could not tell because a tile of its texture is absent, 64 B. It is about
     /// the first item of the ray's list: all its cutouts nearer than this one are known not to be there.
     #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
-    pub struct Question {
+    pub struct DeferredAlphaTest {
         /// Where the ray meets it.
         pub t: f32,
         /// Which it is, among those at equal distance.
@@ -260,11 +264,11 @@ shared! {
     }
 }
 
-/// Workgroups of `sort_deferred_scan` with `SCAN_BLOCKS`, and elements of `Streaming::sort_sums`.
+/// Workgroups of `sort_deferred_scan` with `SCAN_BLOCKS`, and elements of `StreamingPointers::sort_sums`.
 #[must_use]
 pub const fn sort_blocks(chunk_count: u32) -> u32 {
     (2 * chunk_count).div_ceil(SCAN_BLOCK)
 }
 
-/// Bytes of `Frame::light_paths` for a path.
+/// Bytes of `FrameConstants::light_paths` for a path.
 pub const LIGHT_PATH_BYTES: u64 = 16;

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Textures: one record each, and a page table of all their tiles together.
 //!
-//! `Frame::texture_pages` is u64 per tile of the scene: its device address, 0 = absent, with [`PAGE_BROKEN`] when it
-//! could not be read. Texels of a tile are tightly packed, row by row from the bottom. Guarantees: plain data with the
-//! offsets of the shaders' structs. Any thread.
+//! `FrameConstants::texture_pages` is u64 per tile of the scene: its device address, 0 = absent, with [`PAGE_BROKEN`]
+//! when it could not be read. Texels of a tile are tightly packed, row by row from the bottom. Guarantees: plain data
+//! with the offsets of the shaders' structs. Any thread.
 
 use bytemuck::{Pod, Zeroable};
 

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Turns the plain structs that cross the boundary into the core's descriptions.
 //!
-//! Pure; any thread. A part whose bytes make no sense is left out and named in [`Complaints`]; the rest of the prim
-//! lives.
+//! Pure; any thread. A part whose bytes make no sense is left out and named in [`ConversionWarnings`]; the rest of the
+//! prim lives.
 
 pub(crate) mod motion;
 mod solid;
@@ -10,8 +10,8 @@ mod solid;
 use crate::ffi;
 use crate::held::typed_array;
 use cxx::UniquePtr;
-use oocpt_core::array::{Element, TypedArray, column_matrix};
-use oocpt_core::desc::{Boundary, CurveBasis, CurveWrap, CurvesDesc, FaceVaryingLinear, Shape, TriangleRule};
+use oocpt_core::array::{ArrayElement, TypedArray, column_matrix};
+use oocpt_core::desc::{BoundaryRule, CurveBasis, CurveWrap, CurvesDesc, FaceVaryingLinear, PrimShape, TriangleRule};
 use oocpt_core::scene::{
     AssetRef, InstanceLinks, InstancedBy, InstancerDesc, InstancerPrototype, Interpolation, MeshDesc, NamedPrimvar,
     PrimDesc, Primvar, SceneWarning, Subdivision, SubdivisionTags, SubsetDesc,
@@ -21,9 +21,9 @@ use std::sync::Arc;
 
 /// What was left out: "part: reason" of a prim.
 #[derive(Debug, Default)]
-pub(crate) struct Complaints(pub(crate) Vec<SceneWarning>);
+pub(crate) struct ConversionWarnings(pub(crate) Vec<SceneWarning>);
 
-impl Complaints {
+impl ConversionWarnings {
     pub(crate) fn add(&mut self, path: &str, part: &str, reason: &str) {
         self.0.push(SceneWarning::of_notes(path.into(), vec![format!("{part}: {reason}")]));
     }
@@ -39,7 +39,12 @@ impl Complaints {
     }
 
     /// An array that a prim cannot do without; an empty one stands for a missing one.
-    fn required<T: Element + Debug>(&mut self, path: &str, part: &str, held: UniquePtr<ffi::HeldArray>) -> TypedArray {
+    fn required<T: ArrayElement + Debug>(
+        &mut self,
+        path: &str,
+        part: &str,
+        held: UniquePtr<ffi::HeldArray>,
+    ) -> TypedArray {
         self.optional(path, part, held).unwrap_or_else(|| TypedArray::of(Vec::<T>::new()))
     }
 
@@ -68,9 +73,9 @@ impl Complaints {
     fn subdivision_tags(&mut self, path: &str, desc: ffi::SubdivisionDesc) -> SubdivisionTags {
         SubdivisionTags {
             boundary: match desc.boundary {
-                0 => Boundary::None,
-                1 => Boundary::EdgeOnly,
-                _ => Boundary::EdgeAndCorner,
+                0 => BoundaryRule::None,
+                1 => BoundaryRule::EdgeOnly,
+                _ => BoundaryRule::EdgeAndCorner,
             },
             face_varying: match desc.face_varying {
                 0 => FaceVaryingLinear::None,
@@ -90,9 +95,9 @@ impl Complaints {
         }
     }
 
-    fn shape(&mut self, path: &str, desc: ffi::ShapeDesc) -> Shape {
+    fn shape(&mut self, path: &str, desc: ffi::ShapeDesc) -> PrimShape {
         match desc.kind {
-            1 => Shape::Curves(CurvesDesc {
+            1 => PrimShape::Curves(CurvesDesc {
                 basis: match desc.basis {
                     0 => CurveBasis::Linear,
                     2 => CurveBasis::BSpline,
@@ -108,8 +113,8 @@ impl Complaints {
                 counts: self.required::<i32>(path, "curveVertexCounts", desc.counts),
                 indices: self.optional(path, "curveIndices", desc.indices),
             }),
-            2 => Shape::Points,
-            _ => Shape::Mesh,
+            2 => PrimShape::Points,
+            _ => PrimShape::Mesh,
         }
     }
 
@@ -171,7 +176,7 @@ pub(crate) fn prim(desc: ffi::PrimDesc) -> PrimDesc {
 }
 
 /// The core's mesh. Missing topology or points become empty arrays, about which the core warns.
-pub(crate) fn mesh(desc: ffi::MeshDesc, complaints: &mut Complaints) -> MeshDesc {
+pub(crate) fn mesh(desc: ffi::MeshDesc, complaints: &mut ConversionWarnings) -> MeshDesc {
     let prim = prim(desc.prim);
     let path = Arc::clone(&prim.path);
     let solid = complaints.solid(&path, &desc.shape);
@@ -208,7 +213,7 @@ fn link_sets(names: Vec<String>, sizes: &[u32]) -> Vec<Vec<Arc<str>>> {
 }
 
 /// The core's instancer. A prototype without usable indices stays, with no instances.
-pub(crate) fn instancer(desc: ffi::InstancerDesc, complaints: &mut Complaints) -> InstancerDesc {
+pub(crate) fn instancer(desc: ffi::InstancerDesc, complaints: &mut ConversionWarnings) -> InstancerDesc {
     let prim = prim(desc.prim);
     let path = Arc::clone(&prim.path);
     let prototypes = desc
@@ -331,7 +336,7 @@ pub(crate) mod tests {
     fn a_mesh_is_converted_without_copying_its_points() {
         let desc = mesh_desc();
         let address = desc.points.as_ref().expect("points are there").bytes().as_ptr() as usize;
-        let mut complaints = Complaints::default();
+        let mut complaints = ConversionWarnings::default();
         let mesh = mesh(desc, &mut complaints);
         assert!(complaints.0.is_empty(), "nothing is wrong with this mesh: {:?}", complaints.0);
         assert_eq!(mesh.points.identity().0, address, "the points must be borrowed, not copied");
@@ -339,9 +344,13 @@ pub(crate) mod tests {
         assert_eq!(mesh.face_vertex_indices.index(2), Some(2), "the third index");
         assert_eq!((mesh.prim_id, mesh.subdivision), (7, Subdivision::Loop), "plain members");
         let tags = &mesh.subdivision_tags;
-        assert_eq!((tags.boundary, tags.face_varying), (Boundary::EdgeOnly, FaceVaryingLinear::Boundaries), "rules");
+        assert_eq!(
+            (tags.boundary, tags.face_varying),
+            (BoundaryRule::EdgeOnly, FaceVaryingLinear::Boundaries),
+            "rules"
+        );
         assert_eq!((tags.triangles, mesh.refine_level), (TriangleRule::Smooth, 3), "rule of triangles, level");
-        let Shape::Curves(curves) = &mesh.shape else { panic!("curves stay curves") };
+        let PrimShape::Curves(curves) = &mesh.shape else { panic!("curves stay curves") };
         assert_eq!((curves.basis, curves.wrap), (CurveBasis::BSpline, CurveWrap::Pinned), "basis and wrap");
         assert!(curves.counts.len() == 1 && curves.indices.is_none() && mesh.widths.is_none(), "arrays of curves");
         let creases = [&tags.crease_indices, &tags.crease_lengths, &tags.crease_sharpnesses].map(Option::is_some);
@@ -377,7 +386,7 @@ pub(crate) mod tests {
             values: ffi::copy_array(ffi::ElementTag::Vec3f, &[0; 13]),
             indices: UniquePtr::null(),
         };
-        let mut complaints = Complaints::default();
+        let mut complaints = ConversionWarnings::default();
         let mesh = mesh(desc, &mut complaints);
         assert!(mesh.display_color.is_none(), "13 bytes are not vectors");
         assert_eq!(mesh.points.len(), 3, "the points must survive");
@@ -393,7 +402,7 @@ pub(crate) mod tests {
             values: floats(&[0.0, 0.0, 1.0]),
             indices,
         };
-        let mut complaints = Complaints::default();
+        let mut complaints = ConversionWarnings::default();
         let good = complaints.primvar("/m", "normals", primvar(ints(&[0, 0, 0]))).expect("a good primvar");
         assert_eq!(good.indices.map(|indices| indices.len()), Some(3), "the indices");
         let bad = complaints.primvar("/m", "normals", primvar(ffi::copy_array(ffi::ElementTag::I32, &[1, 2, 3])));
@@ -422,7 +431,7 @@ pub(crate) mod tests {
             ffi::SubsetDesc { path: "/m/b".into(), material: "/Looks/Blue".into(), faces: UniquePtr::null() },
         ];
         desc.categories = vec!["c".into()];
-        let mut complaints = Complaints::default();
+        let mut complaints = ConversionWarnings::default();
         let mesh = mesh(desc, &mut complaints);
         let names: Vec<&str> = mesh.primvars.iter().map(|primvar| &*primvar.name).collect();
         assert_eq!(names, ["st"], "what cannot be read is left out");

@@ -7,7 +7,7 @@ use crate::runner::{self, begin_picture, interrupt, picture_rendered};
 use crate::settings;
 use ffi::{Interrupted, PrimWarning};
 use oocpt_core::scene::{SceneWarning, summary};
-use oocpt_core::settings::{Scope, Settings};
+use oocpt_core::settings::{SettingScope, Settings};
 
 /// See [`runner::interrupted`].
 fn interrupted() -> Result<Interrupted, BridgeError> {
@@ -25,7 +25,7 @@ fn summed_warnings(warnings: Vec<PrimWarning>) -> Result<Vec<String>, BridgeErro
 
 /// Whether a scene may set the setting of that name; also where there is none.
 fn scene_may_set(key: &str) -> bool {
-    Settings::scope(key) != Some(Scope::Machine)
+    Settings::scope(key) != Some(SettingScope::Machine)
 }
 
 /// See [`settings::set_on_command_line`].

@@ -15,9 +15,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 const MOST_OPEN: usize = 32;
 
 /// A file that is open.
-pub(crate) struct Held(UniquePtr<ffi::HeldFile>);
+pub(crate) struct OpenHostFile(UniquePtr<ffi::HeldFile>);
 
-impl Held {
+impl OpenHostFile {
     fn get(&self) -> io::Result<&ffi::HeldFile> {
         self.0.as_ref().ok_or_else(|| io::Error::other("cannot be opened"))
     }
@@ -25,10 +25,10 @@ impl Held {
 
 /// Files that were read last, by their resolved names; the last one read comes last.
 #[derive(Default)]
-pub(crate) struct OpenFiles(Mutex<VecDeque<(Arc<str>, Arc<Held>)>>);
+pub(crate) struct OpenFiles(Mutex<VecDeque<(Arc<str>, Arc<OpenHostFile>)>>);
 
 impl OpenFiles {
-    fn take(&self, name: &str) -> Option<Arc<Held>> {
+    fn take(&self, name: &str) -> Option<Arc<OpenHostFile>> {
         let mut open = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let at = open.iter().position(|(other, _)| **other == *name)?;
         let entry = open.remove(at)?;
@@ -42,7 +42,7 @@ impl OpenFiles {
         open.retain(|(other, _)| **other != *name);
     }
 
-    fn keep(&self, name: &Arc<str>, held: &Arc<Held>) {
+    fn keep(&self, name: &Arc<str>, held: &Arc<OpenHostFile>) {
         let mut open = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         open.retain(|(other, _)| other != name);
         while open.len() >= MOST_OPEN {
@@ -79,14 +79,14 @@ impl HostFile {
         Ok(file)
     }
 
-    fn held(&self) -> io::Result<Arc<Held>> {
+    fn held(&self) -> io::Result<Arc<OpenHostFile>> {
         if let Some(held) = self.files.take(&self.name) {
             return Ok(held);
         }
         let source = self.source.as_ref().as_ref();
         let source = source.ok_or_else(|| io::Error::other("cannot be read: the host gives no files"))?;
         let held = source.open_file(&self.name).map_err(|reason| io::Error::other(reason.what().to_owned()))?;
-        let held = Arc::new(Held(held));
+        let held = Arc::new(OpenHostFile(held));
         self.files.keep(&self.name, &held);
         Ok(held)
     }

@@ -10,7 +10,7 @@ use oocpt_abi::TILE_SIDE;
 use oocpt_core::scene::AssetRef;
 use oocpt_core::texture::{TexelFormat, Wrap};
 use oocpt_ptex::ReadAt;
-use oocpt_render::textures::{ColorTransform, Image, ImageError, ImageInfo, ImageLibrary};
+use oocpt_render::textures::{ColorTransform, ImageError, ImageInfo, ImageLibrary, SourceImage};
 use oocpt_render::{LightFiles, LightPicture};
 use std::fmt;
 use std::sync::Arc;
@@ -73,7 +73,7 @@ fn numbered(set: &AssetRef, number: u32) -> Option<AssetRef> {
 }
 
 impl ImageLibrary for HostImages {
-    fn open(&self, asset: &AssetRef) -> Result<Arc<dyn Image>, ImageError> {
+    fn open(&self, asset: &AssetRef) -> Result<Arc<dyn SourceImage>, ImageError> {
         found(asset)?;
         let held = self.source()?.open(&asset.resolved).map_err(|reason| error(reason.what()))?;
         let facts = match held.as_ref() {
@@ -85,7 +85,7 @@ impl ImageLibrary for HostImages {
         Ok(Arc::new(HostImage { asset: asset.clone(), held, info }))
     }
 
-    fn open_part(&self, set: &AssetRef, number: u32) -> Option<Result<Arc<dyn Image>, ImageError>> {
+    fn open_part(&self, set: &AssetRef, number: u32) -> Option<Result<Arc<dyn SourceImage>, ImageError>> {
         let part = self.part(set, number)?;
         Some(self.open(&part).map_err(|reason| error(format!("{}: {reason}", part.authored))))
     }
@@ -150,7 +150,7 @@ impl fmt::Debug for HostImage {
     }
 }
 
-impl Image for HostImage {
+impl SourceImage for HostImage {
     fn info(&self) -> ImageInfo {
         self.info.clone()
     }

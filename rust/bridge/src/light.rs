@@ -3,7 +3,7 @@
 
 use crate::convert::{asset, optional_text, prim};
 use crate::ffi;
-use oocpt_core::scene::{DomeFormat, LightDesc, LightKind, MaterialSync, ShadowReach, Shaping};
+use oocpt_core::scene::{DomeFormat, LightDesc, LightKind, MaterialSync, ShadowReach, ShapingCone};
 
 fn light_kind(desc: &mut ffi::LightDesc) -> LightKind {
     let texture =
@@ -36,8 +36,8 @@ fn dome_format(token: &str) -> DomeFormat {
     }
 }
 
-fn shaping(desc: ffi::ShapingDesc) -> Shaping {
-    Shaping {
+fn shaping(desc: ffi::ShapingDesc) -> ShapingCone {
+    ShapingCone {
         cone_angle_degrees: desc.cone_angle_degrees,
         cone_softness: desc.cone_softness,
         focus: desc.focus,

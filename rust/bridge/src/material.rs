@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Turns material networks that cross the boundary into the core's descriptions. Pure; any thread.
 
-use crate::convert::{Complaints, asset};
+use crate::convert::{ConversionWarnings, asset};
 use crate::ffi;
 use oocpt_core::scene::{AssetRef, ConnectionDesc, MaterialDesc, NodeDesc, ParamDesc, ParamValue};
 use std::sync::Arc;
 
 /// The core's material. Connections and terminals that lead to no node of the material are left out and named.
-pub(crate) fn material(desc: ffi::MaterialDesc, complaints: &mut Complaints) -> MaterialDesc {
+pub(crate) fn material(desc: ffi::MaterialDesc, complaints: &mut ConversionWarnings) -> MaterialDesc {
     let count = desc.nodes.len();
     let mut terminal = |name: &str, node: i32| {
         let found = usize::try_from(node).ok().filter(|node| *node < count);
@@ -21,7 +21,7 @@ pub(crate) fn material(desc: ffi::MaterialDesc, complaints: &mut Complaints) -> 
     MaterialDesc { path: Arc::from(desc.path), nodes, surface, displacement }
 }
 
-fn node(desc: ffi::NodeDesc, count: usize, complaints: &mut Complaints) -> NodeDesc {
+fn node(desc: ffi::NodeDesc, count: usize, complaints: &mut ConversionWarnings) -> NodeDesc {
     let connection = |desc_: ffi::ConnectionDesc| {
         let node = usize::try_from(desc_.node).ok().filter(|node| *node < count);
         if node.is_none() {
@@ -90,7 +90,7 @@ mod tests {
 
     #[test]
     fn a_material_network_is_converted_whole() {
-        let mut complaints = Complaints::default();
+        let mut complaints = ConversionWarnings::default();
         let material = material(material_desc(1, 0), &mut complaints);
         assert!(complaints.0.is_empty(), "nothing is wrong: {:?}", complaints.0);
         assert_eq!((&*material.path, material.surface), ("/M", Some(0)), "path and terminal");
@@ -113,7 +113,7 @@ mod tests {
 
     #[test]
     fn dangling_connections_are_dropped_with_a_warning() {
-        let mut complaints = Complaints::default();
+        let mut complaints = ConversionWarnings::default();
         let material = material(material_desc(9, 5), &mut complaints);
         assert_eq!((material.surface, material.displacement), (None, None), "no such node");
         assert!(material.nodes[0].connections.is_empty(), "no such source");

@@ -16,7 +16,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
 /// What the command line is doing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-enum Phase {
+enum RunnerPhase {
     /// Nothing that could be delivered.
     #[default]
     Preparing,
@@ -28,8 +28,8 @@ enum Phase {
 
 /// One per process.
 #[derive(Debug, Default)]
-struct State {
-    phase: Phase,
+struct RunnerState {
+    phase: RunnerPhase,
     is_interrupted: bool,
     /// Holds what is temporary of the picture under way; empty for none.
     folder: PathBuf,
@@ -37,14 +37,18 @@ struct State {
     sessions: Vec<(Weak<Session>, u64)>,
 }
 
-static STATE: Mutex<State> =
-    Mutex::new(State { phase: Phase::Preparing, is_interrupted: false, folder: PathBuf::new(), sessions: Vec::new() });
+static STATE: Mutex<RunnerState> = Mutex::new(RunnerState {
+    phase: RunnerPhase::Preparing,
+    is_interrupted: false,
+    folder: PathBuf::new(),
+    sessions: Vec::new(),
+});
 
-fn state() -> MutexGuard<'static, State> {
+fn state() -> MutexGuard<'static, RunnerState> {
     STATE.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-impl State {
+impl RunnerState {
     /// The first answer of a session that has rendered for the picture under way.
     fn of_picture(&self, ask: impl Fn(&Session, u64) -> Option<EarlyEnd>) -> Option<EarlyEnd> {
         self.sessions.iter().find_map(|(session, after)| ask(&*session.upgrade()?, *after))
@@ -55,9 +59,9 @@ impl State {
         let is_first = !std::mem::replace(&mut self.is_interrupted, true);
         is_first
             && match self.phase {
-                Phase::Preparing => false,
-                Phase::Rendering => self.of_picture(Session::finish_early).is_some(),
-                Phase::Writing => true,
+                RunnerPhase::Preparing => false,
+                RunnerPhase::Rendering => self.of_picture(Session::finish_early).is_some(),
+                RunnerPhase::Writing => true,
             }
     }
 }
@@ -74,7 +78,7 @@ pub(crate) fn begin_picture(folder: &str) -> Result<bool, BridgeError> {
     guard("begin_picture", || {
         let mut state = state();
         state.folder = PathBuf::from(folder);
-        state.phase = Phase::Rendering;
+        state.phase = RunnerPhase::Rendering;
         for (session, newest) in &mut state.sessions {
             *newest = session.upgrade().map_or(0, |session| session.generation());
         }
@@ -85,7 +89,7 @@ pub(crate) fn begin_picture(folder: &str) -> Result<bool, BridgeError> {
 /// The picture is rendered.
 pub(crate) fn picture_rendered() -> Result<(), BridgeError> {
     guard("picture_rendered", || {
-        state().phase = Phase::Writing;
+        state().phase = RunnerPhase::Writing;
         Ok(())
     })
 }
@@ -103,7 +107,7 @@ pub(crate) fn interrupt() -> Result<bool, BridgeError> {
         remove(&state.folder);
         let when = match (is_second, state.phase) {
             (true, _) => "a second time",
-            (false, Phase::Preparing) => "before a picture was begun",
+            (false, RunnerPhase::Preparing) => "before a picture was begun",
             (false, _) => "before the first sample was done",
         };
         say(&format!("OocPT: interrupted {when}; nothing is written"));
@@ -145,15 +149,15 @@ mod tests {
 
     #[test]
     fn an_interrupt_waits_only_for_a_picture_that_has_samples() {
-        let interrupt = |phase| State { phase, ..State::default() }.interrupt();
-        assert!(!interrupt(Phase::Preparing), "nothing is there");
-        assert!(!interrupt(Phase::Rendering), "nothing is rendered yet");
-        assert!(interrupt(Phase::Writing), "it is there");
+        let interrupt = |phase| RunnerState { phase, ..RunnerState::default() }.interrupt();
+        assert!(!interrupt(RunnerPhase::Preparing), "nothing is there");
+        assert!(!interrupt(RunnerPhase::Rendering), "nothing is rendered yet");
+        assert!(interrupt(RunnerPhase::Writing), "it is there");
     }
 
     #[test]
     fn a_second_interrupt_does_not_wait() {
-        let mut state = State { phase: Phase::Writing, ..State::default() };
+        let mut state = RunnerState { phase: RunnerPhase::Writing, ..RunnerState::default() };
         assert!(state.interrupt() && !state.interrupt(), "one picture, one wait");
     }
 
@@ -161,7 +165,7 @@ mod tests {
     fn a_session_without_a_job_has_no_picture() {
         let session = Arc::new(Session::new(oocpt_core::settings::Settings::default()));
         let sessions = vec![(Arc::downgrade(&session), 0)];
-        let mut state = State { phase: Phase::Rendering, sessions, ..State::default() };
+        let mut state = RunnerState { phase: RunnerPhase::Rendering, sessions, ..RunnerState::default() };
         assert!(!state.interrupt() && state.of_picture(Session::reached).is_none(), "nothing was asked of it");
     }
 

@@ -3,14 +3,14 @@
 //!
 //! Every method may be called from any thread; none panics out (see [`crate::guard`]).
 
-use crate::convert::{self, Complaints};
+use crate::convert::{self, ConversionWarnings};
 use crate::ffi::{
     MessageSeverity, NamedValue, RenderDesc, ScalarValue, SceneEdits, SettingDescriptor, SettingOutcome, UserMessage,
 };
 use crate::ffi_images::ImageSource;
 use crate::guard::{BridgeError, guard};
 use crate::images::HostImages;
-use crate::settings::{self, Layers};
+use crate::settings::{self, SettingLayers};
 use crate::{light, logging, material, runner, stats};
 use cxx::UniquePtr;
 use glam::DVec4;
@@ -24,7 +24,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 /// One renderer.
 pub(crate) struct Session {
     inner: Arc<oocpt_render::Session>,
-    layers: Mutex<Layers>,
+    layers: Mutex<SettingLayers>,
     /// Warnings of the boundary itself, handed out before the renderer's.
     warnings: Mutex<Vec<String>>,
 }
@@ -55,7 +55,7 @@ fn options(variable: impl Fn(&str) -> Option<String>) -> SessionOptions {
 pub(crate) fn open_session(images: UniquePtr<ImageSource>) -> Result<Box<Session>, BridgeError> {
     guard("open_session", || {
         logging::install();
-        let (layers, warnings) = Layers::new(environment);
+        let (layers, warnings) = SettingLayers::new(environment);
         let files = Arc::new(HostImages::new(images));
         let inner = oocpt_render::Session::with_options(layers.settings(), options(environment))
             .with_images(Arc::clone(&files) as Arc<dyn ImageLibrary>);
@@ -77,14 +77,14 @@ pub(crate) fn close_session(session: Box<Session>) -> Result<(), BridgeError> {
 
 /// What hosts list, without a session: the environment's values are the defaults.
 pub(crate) fn setting_descriptors() -> Result<Vec<SettingDescriptor>, BridgeError> {
-    guard("setting_descriptors", || Ok(Layers::new(environment).0.descriptors()))
+    guard("setting_descriptors", || Ok(SettingLayers::new(environment).0.descriptors()))
 }
 
 impl Session {
     /// Edits the scene; takes effect with the next render.
     pub(crate) fn apply_edits(&self, edits: SceneEdits) -> Result<(), BridgeError> {
         guard("apply_edits", || {
-            let mut complaints = Complaints::default();
+            let mut complaints = ConversionWarnings::default();
             self.inner.with_scene(|scene| {
                 for path in &edits.removed {
                     tracing::debug!(path, "remove");

@@ -2,36 +2,37 @@
 //! Which value of a setting counts: what was given on the command line, else what the host set explicitly, else the
 //! `OOCPT_*` variable, else the default.
 //!
-//! The variables are read once through the function given to [`Layers::new`]. The command line is one per process.
+//! The variables are read once through the function given to [`SettingLayers::new`]. The command line is one per
+//! process.
 
 use crate::ffi::{ScalarTag, ScalarValue, SettingDescriptor};
-use oocpt_core::settings::{Audience, SettingError, Settings, Value};
+use oocpt_core::settings::{SettingAudience, SettingError, SettingValue, Settings};
 use std::sync::{Mutex, PoisonError};
 
 /// What the command line of this process has set, checked, in the order given.
-static COMMAND_LINE: Mutex<Vec<(String, Value)>> = Mutex::new(Vec::new());
+static COMMAND_LINE: Mutex<Vec<(String, SettingValue)>> = Mutex::new(Vec::new());
 
 /// Sets a setting for all sessions that are opened from now on, above scene, host and environment. `name`: a key, with
 /// or without `oocpt:` in front. A wrong name or value is an error, and nothing is set.
 pub(crate) fn set_on_command_line(name: &str, text: &str) -> Result<(), SettingError> {
     let key = Settings::key_named(name)?;
     let mut checked = Settings::default();
-    checked.set(key, Value::Text(text.to_owned()))?;
-    let value = checked.get(key).unwrap_or_else(|| Value::Text(text.to_owned()));
+    checked.set(key, SettingValue::Text(text.to_owned()))?;
+    let value = checked.get(key).unwrap_or_else(|| SettingValue::Text(text.to_owned()));
     COMMAND_LINE.lock().unwrap_or_else(PoisonError::into_inner).push((key.to_owned(), value));
     Ok(())
 }
 
 /// The explicit settings and the environment's, by key.
 #[derive(Debug, Default)]
-pub(crate) struct Layers {
-    environment: Vec<(String, Value)>,
+pub(crate) struct SettingLayers {
+    environment: Vec<(String, SettingValue)>,
     /// In the order in which they were set: of two keys for the same thing the later one counts.
-    explicit: Vec<(String, Value)>,
-    command_line: Vec<(String, Value)>,
+    explicit: Vec<(String, SettingValue)>,
+    command_line: Vec<(String, SettingValue)>,
 }
 
-impl Layers {
+impl SettingLayers {
     /// Reads the variable of every setting. Unreadable ones are skipped and named in the returned lines.
     pub(crate) fn new(variable: impl Fn(&str) -> Option<String>) -> (Self, Vec<String>) {
         let command_line = COMMAND_LINE.lock().unwrap_or_else(PoisonError::into_inner).clone();
@@ -43,7 +44,7 @@ impl Layers {
             let Some((name, text)) = Settings::env_name(key).and_then(|name| Some((name, variable(name)?))) else {
                 continue;
             };
-            match checked.set(key, Value::Text(text.clone())) {
+            match checked.set(key, SettingValue::Text(text.clone())) {
                 Ok(_) => layers.environment.extend(checked.get(key).map(|value| (key.to_owned(), value))),
                 Err(error) => complaints.push(format!("{name}=\"{text}\" is ignored: {error}")),
             }
@@ -59,21 +60,26 @@ impl Layers {
     }
 
     /// What the command line leaves of a change of `settings`: the value for the key, as a host would set it.
-    pub(crate) fn left_of(&self, mut settings: Settings, key: &str, value: Value) -> Result<Value, SettingError> {
+    pub(crate) fn left_of(
+        &self,
+        mut settings: Settings,
+        key: &str,
+        value: SettingValue,
+    ) -> Result<SettingValue, SettingError> {
         settings.set(key, value.clone())?;
         apply(&mut settings, &self.command_line);
         Ok(settings.get(key).unwrap_or(value))
     }
 
     /// Every key with the value that counts, in the order in which to set them.
-    pub(crate) fn resolved(&self) -> Vec<(String, Value)> {
+    pub(crate) fn resolved(&self) -> Vec<(String, SettingValue)> {
         let defaults = Settings::descriptors().into_iter().map(|entry| (entry.key.to_owned(), entry.default));
         let above = self.environment.iter().chain(&self.explicit).chain(&self.command_line);
         defaults.chain(above.cloned()).collect()
     }
 
     /// Notes an explicit value; the caller has checked it.
-    pub(crate) fn set(&mut self, key: &str, value: Value) {
+    pub(crate) fn set(&mut self, key: &str, value: SettingValue) {
         self.explicit.retain(|(have, _)| have != key);
         self.explicit.push((key.to_owned(), value));
     }
@@ -91,7 +97,7 @@ impl Layers {
         apply(&mut settings, &self.environment);
         Settings::descriptors()
             .into_iter()
-            .filter(|descriptor| descriptor.audience == Audience::User)
+            .filter(|descriptor| descriptor.audience == SettingAudience::User)
             .map(|descriptor| SettingDescriptor {
                 key: descriptor.key.to_owned(),
                 name: descriptor.name.to_owned(),
@@ -101,7 +107,7 @@ impl Layers {
     }
 }
 
-fn apply<'a>(settings: &mut Settings, values: impl IntoIterator<Item = &'a (String, Value)>) {
+fn apply<'a>(settings: &mut Settings, values: impl IntoIterator<Item = &'a (String, SettingValue)>) {
     for (key, value) in values {
         if let Err(error) = settings.set(key, value.clone()) {
             tracing::warn!(key, %error, "a setting that was accepted before is refused now");
@@ -115,24 +121,24 @@ pub(crate) fn is_known(key: &str) -> bool {
 }
 
 /// A value as it comes over the boundary; `None` for a tag that this version does not know.
-pub(crate) fn value(scalar: &ScalarValue) -> Option<Value> {
+pub(crate) fn value(scalar: &ScalarValue) -> Option<SettingValue> {
     Some(match scalar.tag {
-        ScalarTag::Bool => Value::Bool(scalar.flag),
-        ScalarTag::Int => Value::Int(scalar.integer),
-        ScalarTag::Float => Value::Float(scalar.real),
-        ScalarTag::Text => Value::Text(scalar.text.clone()),
+        ScalarTag::Bool => SettingValue::Bool(scalar.flag),
+        ScalarTag::Int => SettingValue::Int(scalar.integer),
+        ScalarTag::Float => SettingValue::Float(scalar.real),
+        ScalarTag::Text => SettingValue::Text(scalar.text.clone()),
         _ => return None,
     })
 }
 
 /// A value as it goes over the boundary.
-pub(crate) fn scalar(value: &Value) -> ScalarValue {
+pub(crate) fn scalar(value: &SettingValue) -> ScalarValue {
     let empty = ScalarValue { tag: ScalarTag::Bool, flag: false, integer: 0, real: 0.0, text: String::new() };
     match value {
-        Value::Bool(flag) => ScalarValue { flag: *flag, ..empty },
-        Value::Int(integer) => ScalarValue { tag: ScalarTag::Int, integer: *integer, ..empty },
-        Value::Float(real) => ScalarValue { tag: ScalarTag::Float, real: *real, ..empty },
-        Value::Text(text) => ScalarValue { tag: ScalarTag::Text, text: text.clone(), ..empty },
+        SettingValue::Bool(flag) => ScalarValue { flag: *flag, ..empty },
+        SettingValue::Int(integer) => ScalarValue { tag: ScalarTag::Int, integer: *integer, ..empty },
+        SettingValue::Float(real) => ScalarValue { tag: ScalarTag::Float, real: *real, ..empty },
+        SettingValue::Text(text) => ScalarValue { tag: ScalarTag::Text, text: text.clone(), ..empty },
     }
 }
 
@@ -142,8 +148,8 @@ mod tests {
 
     const SAMPLES: &str = "oocpt:samplesPerPixel";
 
-    fn with_variable(name: &'static str, text: &'static str) -> (Layers, Vec<String>) {
-        Layers::new(|wanted| (wanted == name).then(|| text.to_owned()))
+    fn with_variable(name: &'static str, text: &'static str) -> (SettingLayers, Vec<String>) {
+        SettingLayers::new(|wanted| (wanted == name).then(|| text.to_owned()))
     }
 
     #[test]
@@ -152,7 +158,7 @@ mod tests {
         assert!(complaints.is_empty(), "{complaints:?}");
         assert_ne!(Settings::default().samples_per_pixel, 7, "the test needs another default");
         assert_eq!(layers.settings().samples_per_pixel, 7, "environment over default");
-        layers.set(SAMPLES, Value::Int(9));
+        layers.set(SAMPLES, SettingValue::Int(9));
         assert_eq!(layers.settings().samples_per_pixel, 9, "host over environment");
         assert!(layers.clear(SAMPLES), "there was an explicit value");
         assert_eq!(layers.settings().samples_per_pixel, 7, "the environment's value comes back");
@@ -162,18 +168,18 @@ mod tests {
     #[test]
     fn the_command_line_beats_the_host_by_any_key() {
         let (mut layers, _) = with_variable("OOCPT_SAMPLES_PER_PIXEL", "7");
-        layers.command_line.push((SAMPLES.to_owned(), Value::Int(11)));
+        layers.command_line.push((SAMPLES.to_owned(), SettingValue::Int(11)));
         let now = layers.settings();
         assert_eq!(now.samples_per_pixel, 11, "over the environment");
         for key in [SAMPLES, "convergedSamplesPerPixel"] {
-            let left = layers.left_of(now.clone(), key, Value::Int(9)).expect("in range");
-            assert_eq!(left, Value::Int(11), "{key} stays");
-            layers.set(key, Value::Int(9));
+            let left = layers.left_of(now.clone(), key, SettingValue::Int(9)).expect("in range");
+            assert_eq!(left, SettingValue::Int(11), "{key} stays");
+            layers.set(key, SettingValue::Int(9));
             assert_eq!(layers.settings().samples_per_pixel, 11, "{key}: over the host");
         }
-        let left = layers.left_of(now, "oocpt:seed", Value::Int(9)).expect("in range");
-        assert_eq!(left, Value::Int(9), "what the command line does not say");
-        assert_eq!(layers.resolved().last(), Some(&(SAMPLES.to_owned(), Value::Int(11))), "it is set last");
+        let left = layers.left_of(now, "oocpt:seed", SettingValue::Int(9)).expect("in range");
+        assert_eq!(left, SettingValue::Int(9), "what the command line does not say");
+        assert_eq!(layers.resolved().last(), Some(&(SAMPLES.to_owned(), SettingValue::Int(11))), "it is set last");
     }
 
     #[test]
@@ -188,11 +194,11 @@ mod tests {
 
     #[test]
     fn the_later_of_two_aliased_keys_wins() {
-        let (mut layers, _) = Layers::new(|_| None);
-        layers.set("convergedSamplesPerPixel", Value::Int(3));
-        layers.set(SAMPLES, Value::Int(4));
+        let (mut layers, _) = SettingLayers::new(|_| None);
+        layers.set("convergedSamplesPerPixel", SettingValue::Int(3));
+        layers.set(SAMPLES, SettingValue::Int(4));
         assert_eq!(layers.settings().samples_per_pixel, 4, "the later key");
-        layers.set("convergedSamplesPerPixel", Value::Int(5));
+        layers.set("convergedSamplesPerPixel", SettingValue::Int(5));
         assert_eq!(layers.settings().samples_per_pixel, 5, "setting a key again makes it the later one");
     }
 
@@ -222,22 +228,27 @@ mod tests {
         let (mut layers, complaints) = with_variable("OOCPT_POLICY", "sweep");
         assert!(complaints.is_empty(), "{complaints:?}");
         assert_eq!(layers.settings().policy.name(), "sweep", "by environment");
-        layers.set("oocpt:policy", Value::Text("priority".into()));
+        layers.set("oocpt:policy", SettingValue::Text("priority".into()));
         assert_eq!(layers.settings().policy.name(), "priority", "by the host");
         let listed: Vec<String> = layers.descriptors().into_iter().map(|entry| entry.key).collect();
         let of = |audience| {
             let all = Settings::descriptors().into_iter();
             all.filter(move |entry| entry.audience == audience).map(|entry| entry.key).collect::<Vec<_>>()
         };
-        assert_eq!(listed, of(Audience::User), "what is listed");
-        for key in of(Audience::Developer) {
+        assert_eq!(listed, of(SettingAudience::User), "what is listed");
+        for key in of(SettingAudience::Developer) {
             assert!(is_known(key) && layers.resolved().iter().any(|(have, _)| have == key), "{key} still works");
         }
     }
 
     #[test]
     fn every_setting_type_round_trips_through_the_bridge() {
-        for original in [Value::Bool(true), Value::Int(-3), Value::Float(0.25), Value::Text("llvmpipe".into())] {
+        for original in [
+            SettingValue::Bool(true),
+            SettingValue::Int(-3),
+            SettingValue::Float(0.25),
+            SettingValue::Text("llvmpipe".into()),
+        ] {
             assert_eq!(value(&scalar(&original)), Some(original.clone()), "{original:?}");
         }
     }

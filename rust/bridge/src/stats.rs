@@ -6,11 +6,11 @@
 
 use crate::ffi::{NamedValue, ScalarTag, ScalarValue};
 use oocpt_core::adaptive::AdaptiveUsage;
-use oocpt_core::inventory::Inventory;
-use oocpt_core::stats::{ErrorRow, Stats, StreamingStats};
+use oocpt_core::inventory::RenderInventory;
+use oocpt_core::stats::{ErrorRow, RenderStats, StreamingStats};
 
 /// The list of pairs, sorted as below. Memory in bytes, times in seconds.
-pub(crate) fn named_values(stats: &Stats) -> Vec<NamedValue> {
+pub(crate) fn named_values(stats: &RenderStats) -> Vec<NamedValue> {
     let dropped = stats.dropped.message().unwrap_or_default();
     let mut values = vec![
         text("rendererName", "OocPT"),
@@ -50,11 +50,10 @@ pub(crate) fn named_values(stats: &Stats) -> Vec<NamedValue> {
 }
 
 /// What the render is made of, and what was left out for it, as lists parted by semicolons.
-fn inventory(inventory: &Inventory) -> [NamedValue; 15] {
-    let Inventory { features, passes, buffers, primvars, .. } = inventory;
+fn inventory(inventory: &RenderInventory) -> [NamedValue; 14] {
+    let RenderInventory { features, passes, buffers, primvars, .. } = inventory;
     let with_bytes = |name: &str, bytes: u64| format!("{name} {bytes}");
     let features_present = features.iter().filter(|f| f.present).map(|f| f.name.clone());
-    let features_carried = features.iter().filter(|f| f.carried).map(|f| f.name.clone());
     let passes_made = passes.iter().filter(|p| p.made).map(|p| p.name.clone());
     let passes_left_out = passes.iter().filter(|p| !p.made).map(|p| p.name.clone());
     let made = buffers.iter().filter(|b| b.bytes > 0).map(|b| with_bytes(&b.name, b.bytes));
@@ -63,7 +62,6 @@ fn inventory(inventory: &Inventory) -> [NamedValue; 15] {
     let unread = primvars.iter().filter(|p| p.left_out > 0).map(|p| with_bytes(&p.name, p.saved));
     [
         list("oocpt:features", features_present),
-        list("oocpt:featuresCarried", features_carried),
         list("oocpt:passes", passes_made),
         list("oocpt:passesLeftOut", passes_left_out),
         list("oocpt:buffers", made),
@@ -162,7 +160,7 @@ fn streaming(stats: &StreamingStats) -> [NamedValue; 37] {
     ]
 }
 
-fn stage(stats: &Stats) -> &'static str {
+fn stage(stats: &RenderStats) -> &'static str {
     if stats.samples_target > 0 && stats.samples_completed >= stats.samples_target { "done" } else { "rendering" }
 }
 
@@ -198,14 +196,14 @@ mod tests {
 
     #[test]
     fn stats_have_the_keys_that_hosts_read() {
-        let stats = Stats {
+        let stats = RenderStats {
             percent_done: 25.0,
             samples_completed: 16,
             samples_target: 64,
             gpu_bytes: 1 << 20,
             annotation: "16 of 64 samples".into(),
             passes: vec![("resolve".into(), 0.25, 3), ("accumulate".into(), 1.5, 12)],
-            ..Stats::default()
+            ..RenderStats::default()
         };
         let values = named_values(&stats);
         let find = |key: &str| &values.iter().find(|entry| entry.key == key).expect(key).value;
@@ -230,7 +228,7 @@ mod tests {
             *field = if field.is_boolean() { true.into() } else { value.into() };
         }
         let streaming: StreamingStats = serde_json::from_value(fields.clone().into()).expect("the same fields");
-        let values = named_values(&Stats { streaming, ..Stats::default() });
+        let values = named_values(&RenderStats { streaming, ..RenderStats::default() });
         for (name, number) in names.iter().zip(1_i32..) {
             let mut words = name.split('_');
             let first = words.next().unwrap_or_default().to_owned();
@@ -246,7 +244,7 @@ mod tests {
 
     #[test]
     fn inventory_keys_separate_present_from_omitted_parts() {
-        let mut stats = Stats::default();
+        let mut stats = RenderStats::default();
         stats.inventory.add("rays", 640);
         stats.inventory.leave_out("cones", 80);
         stats.inventory.leave_out("hits", 16);
@@ -264,7 +262,7 @@ mod tests {
 
     #[test]
     fn keys_are_distinct_and_huge_counts_saturate() {
-        let values = named_values(&Stats { rays_traced: u64::MAX, ..Stats::default() });
+        let values = named_values(&RenderStats { rays_traced: u64::MAX, ..RenderStats::default() });
         let mut keys: Vec<&str> = values.iter().map(|entry| entry.key.as_str()).collect();
         keys.sort_unstable();
         keys.dedup();

@@ -7,7 +7,7 @@ use crate::ffi_images::ImageSource;
 use crate::guard::{BridgeError, guard};
 use crate::images::HostImages;
 use crate::logging;
-use crate::settings::Layers;
+use crate::settings::SettingLayers;
 use cxx::UniquePtr;
 use oocpt_core::scene::AssetRef;
 use oocpt_core::texture::ColorSpace;
@@ -18,7 +18,7 @@ use std::sync::Arc;
 /// What is said of a file.
 #[derive(Serialize)]
 #[serde(untagged)]
-enum Answer {
+enum FileAnswer {
     Report(Box<FileReport>),
     Failed { error: String },
 }
@@ -36,8 +36,8 @@ pub(crate) fn texture_file(
         logging::install();
         let result = run(Arc::new(HostImages::new(images)), command, resolved, color_space);
         let answer = match result {
-            Ok(report) => Answer::Report(Box::new(report)),
-            Err(error) => Answer::Failed { error: error.0 },
+            Ok(report) => FileAnswer::Report(Box::new(report)),
+            Err(error) => FileAnswer::Failed { error: error.0 },
         };
         // Numbers and texts are always JSON.
         Ok(serde_json::to_string(&answer).unwrap_or_else(|_| r#"{"error": "nothing can be said of it"}"#.to_owned()))
@@ -50,7 +50,7 @@ fn run(
     resolved: &str,
     color_space: &str,
 ) -> Result<FileReport, ImageError> {
-    let (layers, _warnings) = Layers::new(|name| std::env::var(name).ok());
+    let (layers, _warnings) = SettingLayers::new(|name| std::env::var(name).ok());
     let asset = AssetRef { authored: resolved.into(), resolved: resolved.into() };
     let (settings, color_space) = (layers.settings(), space(color_space));
     let file = TextureFile { library: &library, asset: &asset, color_space: &color_space, settings: &settings };

@@ -1,34 +1,35 @@
 // SPDX-License-Identifier: Apache-2.0
-//! `oocpt`: looks at the machine (`doctor`), measures the renderer (`bench`), draws what it reports (`report`), makes
-//! scenes (`scene`), looks at materials (`material`), fills the cache of textures (`texture`).
+//! `oocpt`: looks at the machine (`doctor`), draws what the renderer reports (`report`), makes scenes (`scene`), looks
+//! at materials (`material`), fills the cache of textures (`texture`), runs the program that measures (`bench`).
 #![forbid(unsafe_code)]
 #![expect(clippy::print_stdout, reason = "a command line program reports on standard output")]
 
 mod bench;
 mod doctor;
-mod host;
 mod material;
 mod report;
 mod scene;
-mod stop;
+#[cfg(test)]
+mod script;
 mod texture;
 
 use anyhow::Result;
 use clap::{Parser, Subcommand};
+use oocpt_command::stop;
 
 #[derive(Parser)]
 #[command(name = "oocpt", version, about = "OocPT: an out-of-core path tracer for Hydra")]
 struct Arguments {
     #[command(subcommand)]
-    command: Command,
+    command: OocptCommand,
 }
 
 #[derive(Subcommand)]
-enum Command {
+enum OocptCommand {
     /// Lists devices, drivers and capabilities; says which device will be used and why.
     Doctor(doctor::Arguments),
-    /// Measures the renderer on generated scenes; prints tables and JSON.
-    Bench(Box<bench::Arguments>),
+    /// Measures the renderer: runs oocpt-bench, which is built from the clone and not shipped.
+    Bench(bench::Arguments),
     /// Draws what a render wrote about itself.
     Report(report::Arguments),
     /// Writes a generated scene as USD.
@@ -50,13 +51,13 @@ fn main() -> Result<()> {
     result
 }
 
-fn run(command: Command) -> Result<()> {
+fn run(command: OocptCommand) -> Result<()> {
     match command {
-        Command::Doctor(arguments) => doctor::run(&arguments),
-        Command::Bench(arguments) => bench::run(&arguments),
-        Command::Report(arguments) => report::run(&arguments),
-        Command::Scene(arguments) => scene::run(&arguments),
-        Command::Material(arguments) => material::run(&arguments),
-        Command::Texture(arguments) => texture::run(&arguments),
+        OocptCommand::Doctor(arguments) => doctor::run(&arguments),
+        OocptCommand::Bench(arguments) => bench::run(&arguments),
+        OocptCommand::Report(arguments) => report::run(&arguments),
+        OocptCommand::Scene(arguments) => scene::run(&arguments),
+        OocptCommand::Material(arguments) => material::run(&arguments),
+        OocptCommand::Texture(arguments) => texture::run(&arguments),
     }
 }

@@ -49,7 +49,7 @@ const STEPS: i32 = 32;
 const DEPTH: i32 = 24;
 /// Pixels that one thread looks at in a row.
 const PART: usize = 1 << 15;
-/// Where the row of a band begins in `Band::first_sample`.
+/// Where the row of a band begins in `SampleBand::first_sample`.
 pub const BAND_SHIFT: u32 = 26;
 
 /// Estimates by the first `2^octave` samples of a stream, as `measured` by the film: variance of the mean by that of
@@ -77,11 +77,11 @@ impl VarianceEstimate {
 
 /// One pixel of one stream in an epoch: its number in trace order, with the stream in the highest bit; and its first
 /// sample.
-pub type Entry = [u32; 2];
+pub type PixelStart = [u32; 2];
 
 /// Samples of an epoch that the same pixels get: `rows` for each of the first `width` entries.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Band {
+pub struct SampleBand {
     /// Its first path, of all of the render.
     pub first: u64,
     /// Entries.
@@ -92,7 +92,7 @@ pub struct Band {
     pub rows: u32,
 }
 
-impl Band {
+impl SampleBand {
     /// One behind its last path.
     #[must_use]
     pub fn end(&self) -> u64 {
@@ -102,11 +102,11 @@ impl Band {
 
 /// The paths of one epoch.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Epoch {
+pub struct AdaptiveEpoch {
     /// Who gets samples, those with most first.
-    pub entries: Vec<Entry>,
+    pub entries: Vec<PixelStart>,
     /// In the order of their paths, without gaps.
-    pub bands: Vec<Band>,
+    pub bands: Vec<SampleBand>,
     /// One behind its last path.
     pub end: u64,
     /// Octave of the mean number of samples of a pixel, both streams together, that it ends with, about.
@@ -136,7 +136,7 @@ pub struct AdaptiveSchedule {
     samples: u32,
     /// Octave of the samples of each pixel, `y * width + x`, by stream.
     levels: [Vec<u8>; STREAMS],
-    epoch: Epoch,
+    epoch: AdaptiveEpoch,
     number: u32,
 }
 
@@ -164,15 +164,15 @@ impl AdaptiveSchedule {
             (0..pixels).into_par_iter().map(|index| place(index)[1] * size[0] + place(index)[0]).collect();
         let entries = (0..2).flat_map(|stream| (0..pixels).map(move |index| [index | stream << 31, 0])).collect();
         let width = 2 * pixels;
-        let band = Band { first: 0, width, row: 0, rows: 1 << FIRST };
-        let epoch = Epoch { entries, bands: vec![band], end: band.end(), octave: FIRST + 1 };
+        let band = SampleBand { first: 0, width, row: 0, rows: 1 << FIRST };
+        let epoch = AdaptiveEpoch { entries, bands: vec![band], end: band.end(), octave: FIRST + 1 };
         let levels = [vec![FIRST_LEVEL; trace.len()], vec![FIRST_LEVEL; trace.len()]];
         Self { size, trace, samples, levels, epoch, number: 0 }
     }
 
     /// The epoch under way.
     #[must_use]
-    pub fn epoch(&self) -> &Epoch {
+    pub fn epoch(&self) -> &AdaptiveEpoch {
         &self.epoch
     }
 
@@ -228,9 +228,9 @@ impl AdaptiveSchedule {
         !self.epoch.bands.is_empty()
     }
 
-    fn list(&self, next: &[Vec<u8>; STREAMS], begin: u64, octave: u32) -> Epoch {
+    fn list(&self, next: &[Vec<u8>; STREAMS], begin: u64, octave: u32) -> AdaptiveEpoch {
         // By what they get: there are few different numbers.
-        let parts: Vec<BTreeMap<u32, Vec<Entry>>> = (0..STREAMS)
+        let parts: Vec<BTreeMap<u32, Vec<PixelStart>>> = (0..STREAMS)
             .flat_map(|stream| (0..self.trace.len().div_ceil(PART)).map(move |part| (stream, part * PART)))
             .collect::<Vec<_>>()
             .into_par_iter()
@@ -248,19 +248,19 @@ impl AdaptiveSchedule {
         let (mut bands, mut first, mut row) = (Vec::new(), begin, 0);
         for (extra, width) in ends.into_iter().rev() {
             let width = u32::try_from(width).unwrap_or(u32::MAX);
-            let band = Band { first, width, row, rows: extra - row };
+            let band = SampleBand { first, width, row, rows: extra - row };
             first = band.end();
             row = extra;
             bands.push(band);
         }
-        Epoch { entries, bands, end: first, octave }
+        AdaptiveEpoch { entries, bands, end: first, octave }
     }
 
     /// Those of a part of the pixels, in trace order from `begin` on, that get samples of a stream, by how many more.
-    fn classes(&self, next: &[u8], stream: usize, begin: usize) -> BTreeMap<u32, Vec<Entry>> {
+    fn classes(&self, next: &[u8], stream: usize, begin: usize) -> BTreeMap<u32, Vec<PixelStart>> {
         let had = &self.levels[stream];
         let mark = if stream == 0 { 0 } else { 1 << 31 };
-        let mut classes: BTreeMap<u32, Vec<Entry>> = BTreeMap::new();
+        let mut classes: BTreeMap<u32, Vec<PixelStart>> = BTreeMap::new();
         for (index, pixel) in self.trace.iter().enumerate().skip(begin).take(PART) {
             let at = *pixel as usize;
             let (old, new) = (1_u32 << had[at], 1_u32 << next[at]);

@@ -93,19 +93,19 @@ pub enum CameraError {
 
 /// View-space rays: affine in the normalised device coordinates.
 struct ViewRays {
-    origin: Affine2,
-    direction: Affine2,
+    origin: PixelAffine,
+    direction: PixelAffine,
 }
 
 /// `constant + x * per_x + y * per_y`.
 #[derive(Clone, Copy)]
-struct Affine2 {
+struct PixelAffine {
     constant: DVec3,
     per_x: DVec3,
     per_y: DVec3,
 }
 
-impl Affine2 {
+impl PixelAffine {
     fn map(self, f: impl Fn(DVec3) -> DVec3) -> Self {
         Self { constant: f(self.constant), per_x: f(self.per_x), per_y: f(self.per_y) }
     }
@@ -247,18 +247,18 @@ fn view_rays(projection: &DMat4) -> Result<ViewRays, CameraError> {
     let slope = |w: f64| (lift(inverse.x_axis * w, 0.0), lift(inverse.y_axis * w, 0.0));
     let by_depth = DVec2::new(r0.z, r1.z);
     let shift = DVec2::new(r0.w, r1.w);
-    let zero = Affine2 { constant: DVec3::ZERO, per_x: DVec3::ZERO, per_y: DVec3::ZERO };
+    let zero = PixelAffine { constant: DVec3::ZERO, per_x: DVec3::ZERO, per_y: DVec3::ZERO };
     if r3.x == 0.0 && r3.y == 0.0 && r3.w == 0.0 && r3.z < 0.0 && shift == DVec2::ZERO {
         // Perspective: w = -r3.z at Z = -1, and scale * XY - by_depth = w * (x, y).
         let (per_x, per_y) = slope(-r3.z);
-        let direction = Affine2 { constant: lift(inverse * by_depth, -1.0), per_x, per_y };
+        let direction = PixelAffine { constant: lift(inverse * by_depth, -1.0), per_x, per_y };
         return Ok(ViewRays { origin: zero, direction });
     }
     if r3.x == 0.0 && r3.y == 0.0 && r3.z == 0.0 && r3.w > 0.0 {
         // Orthographic (sheared when by_depth is not zero): scale * XY + by_depth * Z + shift = w * (x, y).
         let (per_x, per_y) = slope(r3.w);
-        let origin = Affine2 { constant: lift(-(inverse * shift), 0.0), per_x, per_y };
-        let direction = Affine2 { constant: lift(inverse * by_depth, -1.0), ..zero };
+        let origin = PixelAffine { constant: lift(-(inverse * shift), 0.0), per_x, per_y };
+        let direction = PixelAffine { constant: lift(inverse * by_depth, -1.0), ..zero };
         return Ok(ViewRays { origin, direction });
     }
     Err(CameraError::Unsupported)

@@ -64,7 +64,7 @@ pub struct ErrorSums {
 /// An estimate of relMSE.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "camelCase")]
-pub struct Estimate {
+pub struct ErrorEstimate {
     /// The estimate.
     pub rel_mse: f64,
     /// Lower end of the 95 % confidence interval.
@@ -75,7 +75,7 @@ pub struct Estimate {
 
 /// Mean and covariance of (`ln R`, slope of `ln G` downwards in units of `ln 2`).
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct State {
+struct FilterState {
     log_ratio: f64,
     slope: f64,
     /// Variance of the ratio, covariance, variance of the slope.
@@ -84,9 +84,9 @@ struct State {
 
 /// Follows one render through the octaves.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Convergence {
+pub struct ConvergenceEstimator {
     /// The last octave and what is believed since.
-    last: Option<(u32, State)>,
+    last: Option<(u32, FilterState)>,
 }
 
 /// Part of the expected `s` that is there because samples which cover the domain evenly spread wider than independent
@@ -127,7 +127,7 @@ impl ErrorSums {
     }
 }
 
-impl State {
+impl FilterState {
     fn first(log_ratio: f64, variance: f64) -> Self {
         Self { log_ratio, slope: SLOPE.0, covariance: [variance, 0.0, SLOPE.1 * SLOPE.1] }
     }
@@ -175,15 +175,15 @@ impl State {
     }
 }
 
-impl Convergence {
+impl ConvergenceEstimator {
     /// Learns from the film at `2^octave` samples in every pixel, and says what its error is; none below two samples or
     /// without sound sums. Octaves come in ascending order; some may be missing.
-    pub fn octave(&mut self, octave: u32, sums: &ErrorSums) -> Option<Estimate> {
+    pub fn octave(&mut self, octave: u32, sums: &ErrorSums) -> Option<ErrorEstimate> {
         if octave == 0 || octave > 32 || !sums.is_sound() {
             return None;
         }
         if sums.s <= 0.0 || sums.d <= 0.0 {
-            return Some(Estimate { rel_mse: 0.0, low: 0.0, high: ROUNDING });
+            return Some(ErrorEstimate { rel_mse: 0.0, low: 0.0, high: ROUNDING });
         }
         let samples = f64::from(octave).exp2();
         let wide = spread_wide(samples, sums.d / sums.s);
@@ -192,7 +192,7 @@ impl Convergence {
         // The mean of a log-normal ratio, not its median.
         let seen = (0.5_f64.mul_add(scatter.min(1.0), ratio.ln()), scatter);
         let state = match self.last {
-            None => State::first(seen.0, seen.1),
+            None => FilterState::first(seen.0, seen.1),
             Some((last, mut state)) => {
                 for _ in last..octave {
                     state = state.predicted();
@@ -211,13 +211,13 @@ impl Convergence {
 
     /// What the error is at any number of samples, at least that of the last octave.
     #[must_use]
-    pub fn between(&self, samples: f64, sums: &ErrorSums) -> Option<Estimate> {
+    pub fn between(&self, samples: f64, sums: &ErrorSums) -> Option<ErrorEstimate> {
         let (octave, state) = self.last?;
         if !sums.is_sound() || samples.is_nan() || samples < f64::from(octave).exp2() {
             return None;
         }
         if sums.s <= 0.0 {
-            return Some(Estimate { rel_mse: 0.0, low: 0.0, high: ROUNDING });
+            return Some(ErrorEstimate { rel_mse: 0.0, low: 0.0, high: ROUNDING });
         }
         let gain = state.log_ratio.exp() * parts(state.slope).1;
         let by_law = (samples / f64::from(octave).exp2()).powf(-parts(state.slope).0);
@@ -234,12 +234,12 @@ impl Convergence {
 /// The square of half their difference, `d` of `sums`, has the same expectation as that of the picture's error, without
 /// any model. None below two samples or without sound sums.
 #[must_use]
-pub fn of_halves(sums: &ErrorSums) -> Option<Estimate> {
+pub fn of_halves(sums: &ErrorSums) -> Option<ErrorEstimate> {
     if !sums.is_sound() {
         return None;
     }
     if sums.s <= 0.0 || sums.d <= 0.0 {
-        return Some(Estimate { rel_mse: 0.0, low: 0.0, high: ROUNDING });
+        return Some(ErrorEstimate { rel_mse: 0.0, low: 0.0, high: ROUNDING });
     }
     // Estimate and error have the same distribution, and are all but independent.
     let scatter = sums.scatter(sums.d / sums.s);
@@ -259,13 +259,13 @@ fn blocks(samples: f64, octave: u32, slope: f64) -> f64 {
     sum / samples.max(1.0)
 }
 
-fn interval(sum: f64, sums: &ErrorSums, state: f64, scatter: f64) -> Estimate {
+fn interval(sum: f64, sums: &ErrorSums, state: f64, scatter: f64) -> ErrorEstimate {
     let doubt = sums.doubt / (sums.s * sums.s).max(f64::MIN_POSITIVE);
     // This picture's error is skewed too: its median lies below its mean.
     let middle = (-0.5 * scatter.ln_1p().min(1.0)).exp();
     let spread = (Z * (MODEL + state + scatter.ln_1p() + doubt.ln_1p()).sqrt()).min(60.0);
     let rel_mse = sum / sums.pixels;
-    Estimate {
+    ErrorEstimate {
         rel_mse,
         low: (rel_mse * middle * (-spread).exp() - ROUNDING).max(0.0),
         high: (rel_mse * middle).mul_add(spread.exp(), ROUNDING),

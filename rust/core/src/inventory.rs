@@ -14,7 +14,7 @@ const LONGEST_NAME: usize = 80;
 /// See the module.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "camelCase")]
-pub struct Inventory {
+pub struct RenderInventory {
     /// Parts of the passes that are there only for scenes that need them.
     pub features: Vec<FeatureUse>,
     /// Passes; one that was made is one pipeline.
@@ -57,7 +57,7 @@ pub struct FeatureUse {
     pub what: String,
     /// Compiled in.
     pub present: bool,
-    /// Compiled in although the scene does not need it: `oocpt:carry`.
+    /// Compiled in although the scene does not need it, for benches and tests.
     #[serde(default)]
     pub carried: bool,
 }
@@ -102,7 +102,7 @@ pub struct PrimvarUse {
     pub saved: u64,
 }
 
-impl Inventory {
+impl RenderInventory {
     /// Bytes of all buffers.
     #[must_use]
     pub fn bytes(&self) -> u64 {
@@ -161,7 +161,7 @@ mod tests {
 
     #[test]
     fn present_and_omitted_bytes_are_summed_separately() {
-        let mut inventory = Inventory::default();
+        let mut inventory = RenderInventory::default();
         inventory.add("rays", 100);
         inventory.add("rays", 20);
         inventory.leave_out("cones", 7);
@@ -175,7 +175,7 @@ mod tests {
     fn scene_given_names_are_bounded_in_number_and_length() {
         let primvar =
             |k: u64| PrimvarUse { name: format!("{k}\n{}", "x".repeat(1000)), saved: k, ..PrimvarUse::default() };
-        let mut inventory = Inventory::default();
+        let mut inventory = RenderInventory::default();
         inventory.set_primvars((0..1000).map(primvar).collect());
         assert_eq!((inventory.primvars.len() as u64, inventory.more_primvars), (64, 936), "no more than can be read");
         let first = &inventory.primvars[0];

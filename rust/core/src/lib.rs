@@ -26,20 +26,23 @@ pub mod settings;
 pub mod stats;
 pub mod texture;
 
-pub use array::{ArrayError, ArraySource, ArrayView, Element, ElementType, TypedArray};
+pub use array::{ArrayElement, ArrayError, ArraySource, ArrayView, ElementType, TypedArray};
 pub use camera::{Camera, CameraError, CameraRays};
 pub use camera_motion::{CameraMotion, CameraMotionError};
 pub use clipping::MAX_CLIP_PLANES;
-pub use material::{ColorSpace, Input, Material, TextureRef, Wrap};
+pub use material::{ColorSpace, InputValue, Material, TextureRef, Wrap};
 pub use mesh::{Aabb, AnyAttribute, Attribute, Bvh2, Bvh4, BvhError, BvhNode, MeshAsset, MeshPrimvar, Triangle};
 /// Programs of patterns.
 pub use oocpt_materialx as materialx;
-pub use partition::{Chunk, ChunkInstance, OpenedAssembly, PartitionOptions, RECORD_BYTES, World, WorldError};
-pub use scene::{
-    Assembly, AssetRef, Commit, ConnectionDesc, DomeFormat, DroppedData, InstanceFlags, InstanceRecord, InstancedBy,
-    InstancerDesc, InstancerPrototype, Interpolation, Light, LightDesc, LightKind, MaterialDesc, MeshDesc, MotionKey,
-    NamedPrimvar, NodeDesc, ParamDesc, ParamValue, PrimDesc, PrimRecord, Primvar, SceneCounts, SceneDb, SceneMesh,
-    SceneWarning, Shaping, Snapshot, SnapshotError, Subdivision, SubsetDesc, SurfaceTables, Target, TransformSample,
+pub use partition::{
+    Chunk, ChunkInstance, OpenedAssembly, PartitionOptions, PartitionedWorld, RECORD_BYTES, WorldError,
 };
-pub use settings::{Audience, Descriptor, SettingError, Settings, Value};
-pub use stats::{ErrorRow, Stats, StreamingStats, TrueError, WorstPixel};
+pub use scene::{
+    Assembly, AssetRef, ConnectionDesc, DomeFormat, DroppedData, InstanceFlags, InstanceRecord, InstanceTarget,
+    InstancedBy, InstancerDesc, InstancerPrototype, Interpolation, Light, LightDesc, LightKind, MaterialDesc, MeshDesc,
+    MotionKey, NamedPrimvar, NodeDesc, ParamDesc, ParamValue, PrimDesc, PrimRecord, Primvar, SceneCommit, SceneCounts,
+    SceneDb, SceneMesh, SceneWarning, ShapingCone, Snapshot, SnapshotError, Subdivision, SubsetDesc, SurfaceTables,
+    TransformSample,
+};
+pub use settings::{SettingAudience, SettingError, SettingInfo, SettingValue, Settings};
+pub use stats::{ErrorRow, RenderStats, StreamingStats, TrueError, WorstPixel};

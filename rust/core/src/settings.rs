@@ -9,13 +9,13 @@ mod traversal;
 use crate::residency::PolicyKind;
 pub use error::SettingError;
 pub use host_mapped::HostMapped;
-pub use table::{Audience, Scope, Settings};
-use table::{Field, TABLE};
+pub use table::{SettingAudience, SettingScope, Settings};
+use table::{SettingField, TABLE};
 pub use traversal::TraversalKind;
 
 /// A setting's value as hosts give it.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Value {
+pub enum SettingValue {
     /// Also accepted as the integers 0 and 1.
     Bool(bool),
     /// Also accepted where a float is wanted.
@@ -28,19 +28,19 @@ pub enum Value {
 
 /// A setting as it is listed.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Descriptor {
+pub struct SettingInfo {
     /// Hydra key.
     pub key: &'static str,
     /// Name for people.
     pub name: &'static str,
     /// Default value.
-    pub default: Value,
+    pub default: SettingValue,
     /// One line of help.
     pub doc: &'static str,
     /// Hosts list only what is for users.
-    pub audience: Audience,
+    pub audience: SettingAudience,
     /// Who may set it.
-    pub scope: Scope,
+    pub scope: SettingScope,
 }
 
 impl Settings {
@@ -48,7 +48,7 @@ impl Settings {
     ///
     /// # Errors
     /// See [`SettingError`]; the setting keeps its value.
-    pub fn set(&mut self, key: &str, value: Value) -> Result<bool, SettingError> {
+    pub fn set(&mut self, key: &str, value: SettingValue) -> Result<bool, SettingError> {
         let before = self.clone();
         let wrong = |expected| SettingError::Type { key: key.to_owned(), expected, value: value.clone() };
         let check = |value: f64, min: f64, max: f64| {
@@ -60,22 +60,22 @@ impl Settings {
             }
         };
         match self.field(key)? {
-            Field::Bool(field) => *field = value.as_bool().ok_or_else(|| wrong("a bool"))?,
-            Field::Int(field, min, max) => {
+            SettingField::Bool(field) => *field = value.as_bool().ok_or_else(|| wrong("a bool"))?,
+            SettingField::Int(field, min, max) => {
                 let number = value.as_integer().ok_or_else(|| wrong("an integer"))?;
                 *field = whole(check(number, f64::from(min), f64::from(max))?);
             }
-            Field::Float(field, min, max) => {
+            SettingField::Float(field, min, max) => {
                 let number = value.as_float().ok_or_else(|| wrong("a number"))?;
                 *field = narrow(check(number, f64::from(min), f64::from(max))?);
             }
-            Field::Text(field) => *field = value.as_text().ok_or_else(|| wrong("text"))?,
-            Field::Policy(field) => *field = policy_named(key, &value.as_text().ok_or_else(|| wrong("text"))?)?,
-            Field::Traversal(field) => {
+            SettingField::Text(field) => *field = value.as_text().ok_or_else(|| wrong("text"))?,
+            SettingField::Policy(field) => *field = policy_named(key, &value.as_text().ok_or_else(|| wrong("text"))?)?,
+            SettingField::Traversal(field) => {
                 *field =
                     choice(key, &value, TraversalKind::named, || TraversalKind::ALL.map(TraversalKind::name).to_vec())?;
             }
-            Field::HostMapped(field) => {
+            SettingField::HostMapped(field) => {
                 *field = choice(key, &value, HostMapped::named, || HostMapped::ALL.map(HostMapped::name).to_vec())?;
             }
         }
@@ -84,29 +84,29 @@ impl Settings {
 
     /// The value of `key` as hosts give it; `None` for an unknown key.
     #[must_use]
-    pub fn get(&self, key: &str) -> Option<Value> {
+    pub fn get(&self, key: &str) -> Option<SettingValue> {
         let mut copy = self.clone();
         Some(match copy.field(key).ok()? {
-            Field::Bool(v) => Value::Bool(*v),
-            Field::Int(v, ..) => Value::Int(i64::from(*v)),
-            Field::Float(v, ..) => Value::Float(f64::from(*v)),
-            Field::Text(v) => Value::Text(v.clone()),
-            Field::Policy(v) => Value::Text(v.name().to_owned()),
-            Field::Traversal(v) => Value::Text(v.name().to_owned()),
-            Field::HostMapped(v) => Value::Text(v.name().to_owned()),
+            SettingField::Bool(v) => SettingValue::Bool(*v),
+            SettingField::Int(v, ..) => SettingValue::Int(i64::from(*v)),
+            SettingField::Float(v, ..) => SettingValue::Float(f64::from(*v)),
+            SettingField::Text(v) => SettingValue::Text(v.clone()),
+            SettingField::Policy(v) => SettingValue::Text(v.name().to_owned()),
+            SettingField::Traversal(v) => SettingValue::Text(v.name().to_owned()),
+            SettingField::HostMapped(v) => SettingValue::Text(v.name().to_owned()),
         })
     }
 
     /// All settings with their defaults, in the order in which hosts show those that are for users.
     #[must_use]
-    pub fn descriptors() -> Vec<Descriptor> {
+    pub fn descriptors() -> Vec<SettingInfo> {
         let defaults = Self::default();
         TABLE
             .iter()
             .filter_map(|row| {
                 let (key, name, doc) = (row.key, row.name, row.help);
                 let (audience, scope) = (row.audience, row.scope);
-                Some(Descriptor { key, name, default: defaults.get(key)?, doc, audience, scope })
+                Some(SettingInfo { key, name, default: defaults.get(key)?, doc, audience, scope })
             })
             .collect()
     }
@@ -128,7 +128,7 @@ impl Settings {
 
     /// What `key` is about; `None` for an unknown key.
     #[must_use]
-    pub fn scope(key: &str) -> Option<Scope> {
+    pub fn scope(key: &str) -> Option<SettingScope> {
         TABLE.iter().find(|row| row.key == key).map(|row| row.scope)
     }
 
@@ -139,7 +139,7 @@ impl Settings {
     }
 }
 
-impl std::fmt::Display for Value {
+impl std::fmt::Display for SettingValue {
     /// As a person would write it.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
@@ -151,7 +151,7 @@ impl std::fmt::Display for Value {
     }
 }
 
-impl Value {
+impl SettingValue {
     fn as_bool(&self) -> Option<bool> {
         match self {
             Self::Bool(b) => Some(*b),
@@ -207,7 +207,7 @@ fn policy_named(key: &str, text: &str) -> Result<PolicyKind, SettingError> {
 /// The one of several that a value names.
 fn choice<T>(
     key: &str,
-    value: &Value,
+    value: &SettingValue,
     named: impl Fn(&str) -> Option<T>,
     allowed: impl Fn() -> Vec<&'static str>,
 ) -> Result<T, SettingError> {

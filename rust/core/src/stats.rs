@@ -4,13 +4,13 @@
 use serde::{Deserialize, Serialize};
 
 use crate::adaptive::AdaptiveUsage;
-use crate::convergence::Estimate;
+use crate::convergence::ErrorEstimate;
 use crate::desc::DroppedData;
-use crate::inventory::Inventory;
+use crate::inventory::RenderInventory;
 
 /// A reading of a render in progress or done.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Stats {
+pub struct RenderStats {
     /// 0 to 100.
     pub percent_done: f32,
     /// Wall clock since the render began, seconds.
@@ -47,7 +47,7 @@ pub struct Stats {
     pub passes: Vec<(String, f64, u64)>,
     /// What it consists of, and what was left out; empty until the passes are compiled.
     #[serde(default)]
-    pub inventory: Inventory,
+    pub inventory: RenderInventory,
     /// Placements of meshes, multiplied out.
     pub instances: u64,
     /// Triangles stored once per mesh.
@@ -82,7 +82,7 @@ pub struct ErrorRow {
     /// Rays traced, all kinds.
     pub rays: u64,
     /// Estimated relMSE with its interval (see [`crate::convergence`]); none while nothing can be said.
-    pub estimate: Option<Estimate>,
+    pub estimate: Option<ErrorEstimate>,
     /// The pixels that are worst, by the same estimate: at most one of every workgroup that measured, worst first.
     pub worst: Vec<WorstPixel>,
     /// Bytes of geometry and textures sent to the device so far while rendering.
@@ -98,7 +98,7 @@ pub struct ErrorRow {
 /// What a render has used by its end; also a line of the report that `oocpt:report` names.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "camelCase")]
-pub struct Usage {
+pub struct RenderUsage {
     /// Wall clock since the render began, seconds.
     pub seconds_total: f64,
     /// The most device memory that was in use, bytes.
@@ -107,7 +107,7 @@ pub struct Usage {
     pub driver_peak_bytes: u64,
     /// Host memory of scene data that the renderer holds, bytes.
     pub host_bytes: u64,
-    /// The most memory that the process has held, bytes ([`Stats::host_peak_bytes`]).
+    /// The most memory that the process has held, bytes ([`RenderStats::host_peak_bytes`]).
     #[serde(default)]
     pub host_peak_bytes: u64,
     /// Nothing was streamed: all of the scene is on the device.
@@ -156,12 +156,27 @@ pub struct Usage {
     /// See above.
     #[serde(default)]
     pub seconds_waiting: f64,
+    /// Seconds before the first ray: reading geometry and sending it to the device, and compiling passes for the scene.
+    #[serde(default)]
+    pub seconds_uploading: f64,
+    /// See above.
+    #[serde(default)]
+    pub seconds_compiling: f64,
+    /// Seconds in which a scene in core waited for tiles of textures; waves traced, and waves traced again for tiles.
+    #[serde(default)]
+    pub seconds_texture_tiles: f64,
+    /// See above.
+    #[serde(default)]
+    pub waves: u64,
+    /// See above.
+    #[serde(default)]
+    pub waves_retraced: u64,
 }
 
-impl Usage {
+impl RenderUsage {
     /// What these stats say of it.
     #[must_use]
-    pub fn of(stats: &Stats) -> Self {
+    pub fn of(stats: &RenderStats) -> Self {
         let streaming = &stats.streaming;
         Self {
             seconds_total: stats.seconds_total,
@@ -186,6 +201,7 @@ impl Usage {
             is_split: streaming.is_split,
             seconds_loading: streaming.seconds_loading,
             seconds_waiting: streaming.seconds_waiting,
+            ..Self::default()
         }
     }
 }

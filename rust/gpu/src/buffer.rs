@@ -6,26 +6,26 @@
 
 use std::sync::{Arc, PoisonError, RwLock};
 
-use crate::device::mapped::Mapped;
+use crate::device::mapped::MappedPointer;
 use crate::error::GpuError;
 use crate::gpu::Gpu;
-use crate::instance::memory_type::Usage;
-use crate::memory::block::Block;
+use crate::instance::memory_type::BufferUsage;
+use crate::memory::block::MemoryBlock;
 use crate::range::DeviceRange;
-use crate::range::sealed::{Parts, RangeParts};
-use crate::submit::kept::Kept;
+use crate::range::sealed::{RangeParts, ToRangeParts};
+use crate::submit::kept::HeldResource;
 
 /// Device or host memory with a device address. Put it in an [`Arc`] to share it.
 ///
 /// Dropping it does not wait: its memory goes back to the budget when the last submission made so far has finished. A
 /// command list that only knows the *address* must be submitted before the drop, or be told by
-/// [`Commands::keep`](crate::Commands::keep).
+/// [`CommandList::keep`](crate::CommandList::keep).
 #[derive(Debug)]
 pub struct Buffer {
-    block: Arc<Block>,
+    block: Arc<MemoryBlock>,
     name: String,
     size: u64,
-    usage: Usage,
+    usage: BufferUsage,
     /// Host threads take turns on the mapped bytes: many readers or one writer.
     host: RwLock<()>,
 }
@@ -36,7 +36,7 @@ impl Buffer {
     /// # Errors
     /// [`GpuError::OutOfMemory`] when the budget or the driver refuses even after waiting for retired memory,
     /// [`GpuError::TooLarge`], [`GpuError::DeviceLost`].
-    pub fn new(gpu: &Arc<Gpu>, name: &str, bytes: u64, usage: Usage) -> Result<Self, GpuError> {
+    pub fn new(gpu: &Arc<Gpu>, name: &str, bytes: u64, usage: BufferUsage) -> Result<Self, GpuError> {
         Ok(Self {
             block: Arc::new(gpu.opened().block(name, bytes, usage)?),
             name: name.to_owned(),
@@ -66,7 +66,7 @@ impl Buffer {
 
     /// What it is for.
     #[must_use]
-    pub fn usage(&self) -> Usage {
+    pub fn usage(&self) -> BufferUsage {
         self.usage
     }
 
@@ -98,8 +98,8 @@ impl Buffer {
     }
 
     /// Lends all mapped bytes to `f`, which may split them among threads. No other host thread uses the buffer
-    /// meanwhile, and the caller sees to it that no submission in flight does. Do not read from an `Upload` buffer: it
-    /// may be very slow.
+    /// meanwhile, and the caller sees to it that no submission in flight does. Do not read from an `UploadDecision`
+    /// buffer: it may be very slow.
     ///
     /// # Errors
     /// [`GpuError::Usage`] when the buffer is not mapped or larger than the host can address.
@@ -115,7 +115,8 @@ impl Buffer {
 
     /// The address of a mapped byte range that was checked to fit.
     fn mapped_range(&self, offset: u64, length: usize) -> Result<*mut u8, GpuError> {
-        let mapped: Mapped = self.block.raw.mapped.ok_or_else(|| self.misuse("a Device buffer is not mapped"))?;
+        let mapped: MappedPointer =
+            self.block.raw.mapped.ok_or_else(|| self.misuse("a Device buffer is not mapped"))?;
         let fits = u64::try_from(length).ok().and_then(|n| offset.checked_add(n)).is_some_and(|end| end <= self.size);
         let offset = usize::try_from(offset)
             .ok()
@@ -144,13 +145,13 @@ impl DeviceRange for Buffer {
     }
 }
 
-impl Parts for Buffer {
+impl ToRangeParts for Buffer {
     fn parts(&self) -> RangeParts {
         RangeParts {
             buffer: self.block.buffer(),
             offset: 0,
             device: Arc::as_ptr(&self.block.device),
-            kept: Kept::Block(Arc::clone(&self.block)),
+            kept: HeldResource::Block(Arc::clone(&self.block)),
         }
     }
 }

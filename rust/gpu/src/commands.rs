@@ -2,9 +2,9 @@
 //! Command lists: what the GPU is to do, in order.
 //!
 //! Every operation sees what all earlier ones wrote, in this list and in earlier submissions of its queue; what a
-//! submission of another queue wrote is seen after [`Commands::wait_for`]. A wrong argument is remembered and returned
-//! by [`Commands::submit`]; nothing of the list runs then. A list is recorded by one thread at a time; several threads
-//! may each record and submit their own.
+//! submission of another queue wrote is seen after [`CommandList::wait_for`]. A wrong argument is remembered and
+//! returned by [`CommandList::submit`]; nothing of the list runs then. A list is recorded by one thread at a time;
+//! several threads may each record and submit their own.
 
 mod dispatch;
 mod host;
@@ -13,26 +13,26 @@ use std::sync::Arc;
 
 use ash::vk;
 
-use crate::device::logical::Device;
+use crate::device::logical::LogicalDevice;
 use crate::error::GpuError;
 use crate::gpu::Gpu;
-use crate::instance::lane::{Lane, Points};
+use crate::instance::lane::{QueueLane, TimelinePoints};
 use crate::range::DeviceRange;
 use crate::submission::Submission;
-use crate::submit::kept::Kept;
+use crate::submit::kept::HeldResource;
 use crate::submit::queue::{CommandSlot, InFlight};
-use crate::submit::recorder::Recorder;
+use crate::submit::recorder::CommandRecorder;
 
-/// A command list. Dropping it without [`Commands::submit`] discards it.
+/// A command list. Dropping it without [`CommandList::submit`] discards it.
 #[derive(Debug)]
 #[must_use = "a command list does nothing until it is submitted"]
-pub struct Commands {
+pub struct CommandList {
     gpu: Arc<Gpu>,
     label: String,
-    recorder: Recorder,
+    recorder: CommandRecorder,
     slot: Option<CommandSlot>,
-    kept: Vec<Kept>,
-    waits: Points,
+    kept: Vec<HeldResource>,
+    waits: TimelinePoints,
     /// The first mistake; nothing is recorded after it.
     error: Option<GpuError>,
     /// A part of it has run already.
@@ -41,7 +41,7 @@ pub struct Commands {
     timings: Vec<(String, f64)>,
 }
 
-/// Most bytes that [`Commands::update`] takes (`vkCmdUpdateBuffer`).
+/// Most bytes that [`CommandList::update`] takes (`vkCmdUpdateBuffer`).
 pub const MAX_UPDATE_BYTES: usize = 65_536;
 
 impl Gpu {
@@ -49,33 +49,33 @@ impl Gpu {
     ///
     /// # Errors
     /// [`GpuError::DeviceLost`], or a failed call.
-    pub fn commands(self: &Arc<Self>, label: &str) -> Result<Commands, GpuError> {
-        Commands::new(self, Lane::Main, label)
+    pub fn commands(self: &Arc<Self>, label: &str) -> Result<CommandList, GpuError> {
+        CommandList::new(self, QueueLane::Main, label)
     }
 
     /// A new command list that only copies, fills and updates. It runs beside other lists where
-    /// [`Gpu::has_transfer_queue`], and in any case in no order with them but that of [`Commands::wait_for`].
+    /// [`Gpu::has_transfer_queue`], and in any case in no order with them but that of [`CommandList::wait_for`].
     ///
     /// # Errors
     /// [`GpuError::DeviceLost`], or a failed call.
-    pub fn transfer_commands(self: &Arc<Self>, label: &str) -> Result<Commands, GpuError> {
-        Commands::new(self, Lane::Transfer, label)
+    pub fn transfer_commands(self: &Arc<Self>, label: &str) -> Result<CommandList, GpuError> {
+        CommandList::new(self, QueueLane::Transfer, label)
     }
 }
 
-impl Commands {
-    fn new(gpu: &Arc<Gpu>, lane: Lane, label: &str) -> Result<Self, GpuError> {
+impl CommandList {
+    fn new(gpu: &Arc<Gpu>, lane: QueueLane, label: &str) -> Result<Self, GpuError> {
         let device = gpu.device();
         device.check_alive()?;
         let slot = gpu.opened().queue(lane).slot(device)?;
-        match Recorder::begin(device, lane, slot.buffer, label) {
+        match CommandRecorder::begin(device, lane, slot.buffer, label) {
             Ok(recorder) => Ok(Self {
                 gpu: Arc::clone(gpu),
                 label: label.to_owned(),
                 recorder,
                 slot: Some(slot),
                 kept: Vec::new(),
-                waits: Points::START,
+                waits: TimelinePoints::START,
                 error: None,
                 is_flushed: false,
                 timings: Vec::new(),
@@ -161,7 +161,7 @@ impl Commands {
         self.recorder.leave_concurrent();
     }
 
-    /// As [`Commands::concurrent`] for all that is still to come in this list.
+    /// As [`CommandList::concurrent`] for all that is still to come in this list.
     pub fn all_concurrent(&mut self) {
         self.recorder.enter_concurrent();
     }
@@ -267,14 +267,14 @@ impl Commands {
         Some((parts.buffer, parts.offset + offset))
     }
 
-    fn keep_alive(&mut self, kept: Kept) {
-        if let Kept::Staging(part) = &kept {
+    fn keep_alive(&mut self, kept: HeldResource) {
+        if let HeldResource::Staging(part) = &kept {
             part.used_on(self.recorder.lane);
         }
         self.kept.push(kept);
     }
 
-    fn same_device(&mut self, name: &str, device: *const Device) -> bool {
+    fn same_device(&mut self, name: &str, device: *const LogicalDevice) -> bool {
         let same = std::ptr::eq(device, Arc::as_ptr(&self.recorder.device));
         if !same {
             self.misuse(name, "belongs to another Gpu".to_owned());
@@ -292,7 +292,7 @@ impl Commands {
     }
 }
 
-impl Drop for Commands {
+impl Drop for CommandList {
     fn drop(&mut self) {
         if let Some(slot) = self.slot.take() {
             self.gpu.opened().queue(self.recorder.lane).recycle(&self.recorder.device, slot);

@@ -8,19 +8,19 @@ use std::sync::Arc;
 use ash::vk;
 
 use crate::device::budget::MemoryUse;
-use crate::device::logical::Device;
-use crate::device::markers::{MARKER_BYTES, Markers};
+use crate::device::logical::LogicalDevice;
+use crate::device::markers::{MARKER_BYTES, OperationMarkers};
 use crate::device::options::OpenOptions;
 use crate::device::pipeline_cache::{CacheFile, PipelineCache};
 use crate::error::GpuError;
-use crate::instance::lane::Lane;
-use crate::instance::limits::Limits;
-use crate::instance::memory_type::Usage;
+use crate::instance::lane::QueueLane;
+use crate::instance::limits::DeviceLimits;
+use crate::instance::memory_type::BufferUsage;
 use crate::instance::probe::{device_usage, probe_all};
 use crate::instance::report::DeviceReport;
 use crate::instance::select;
 use crate::instance::validation::ValidationLog;
-use crate::instance::vulkan::{Instance, Validation};
+use crate::instance::vulkan::{Instance, ValidationLevel};
 use crate::memory::allocate::NewBuffer;
 use crate::submit::open_device::OpenDevice;
 
@@ -38,9 +38,9 @@ impl Gpu {
     /// the named device lacks something; [`GpuError::Vulkan`] when the driver refuses.
     pub fn open(options: &OpenOptions) -> Result<Arc<Self>, GpuError> {
         let validation = match (options.validation, options.sync_validation) {
-            (false, _) => Validation::Off,
-            (true, false) => Validation::On,
-            (true, true) => Validation::OnWithSync,
+            (false, _) => ValidationLevel::Off,
+            (true, false) => ValidationLevel::On,
+            (true, true) => ValidationLevel::OnWithSync,
         };
         let instance = Instance::get(validation)?;
         let mut devices = probe_all(&instance)?;
@@ -53,19 +53,19 @@ impl Gpu {
         tracing::info!(device = probed.report.name, why = probed.report.why, "GPU opened");
         let cache_file = options.pipeline_cache.as_ref();
         let cache_file = cache_file.map(|folder| CacheFile::new(folder, &probed, options.pipeline_key));
-        let mut device = Device::new(instance, probed, options)?;
+        let mut device = LogicalDevice::new(instance, probed, options)?;
         if options.crash_markers {
-            let mut words = NewBuffer::new(&device, "crash markers", MARKER_BYTES, Usage::Readback)?;
+            let mut words = NewBuffer::new(&device, "crash markers", MARKER_BYTES, BufferUsage::Readback)?;
             words.take_memory()?;
             let words = words.finish()?;
-            device.markers = Some(Markers::new(words));
+            device.markers = Some(OperationMarkers::new(words));
         }
         let device = Arc::new(device);
         let pipeline_cache = PipelineCache::new(&device, cache_file)?;
         Ok(Arc::new(Self { pipeline_cache, opened: Arc::new(OpenDevice::new(device)) }))
     }
 
-    pub(crate) fn device(&self) -> &Arc<Device> {
+    pub(crate) fn device(&self) -> &Arc<LogicalDevice> {
         &self.opened.device
     }
 
@@ -92,7 +92,7 @@ impl Gpu {
 
     /// Its limits.
     #[must_use]
-    pub fn limits(&self) -> &Limits {
+    pub fn limits(&self) -> &DeviceLimits {
         &self.device().limits
     }
 
@@ -156,7 +156,7 @@ impl Gpu {
     /// Whether transfer lists run on a queue of their own.
     #[must_use]
     pub fn has_transfer_queue(&self) -> bool {
-        self.device().choice(Lane::Transfer) != self.device().choice(Lane::Main)
+        self.device().choice(QueueLane::Transfer) != self.device().choice(QueueLane::Main)
     }
 }
 

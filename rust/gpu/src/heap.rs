@@ -13,11 +13,11 @@ use crate::device::heap_counters::HeapCounters;
 use crate::error::GpuError;
 use crate::gpu::Gpu;
 use crate::heap_range::HeapRange;
-use crate::instance::memory_type::Usage;
-use crate::memory::arena::{Arenas, GRANULE, Place, size_class_below};
-use crate::memory::block::Block;
+use crate::instance::memory_type::BufferUsage;
+use crate::memory::arena::{ArenaPlace, GRANULE, HeapArenas, size_class_below};
+use crate::memory::block::MemoryBlock;
 use crate::memory::range_memory::RangeMemory;
-use crate::submit::open_device::{OpenDevice, Patience};
+use crate::submit::open_device::{BudgetWait, OpenDevice};
 
 /// Smallest arena that is worth having when the budget is short.
 const SMALLEST_ARENA: u64 = 64 << 10;
@@ -27,11 +27,11 @@ const SMALLEST_ARENA: u64 = 64 << 10;
 pub struct Heap {
     opened: Arc<OpenDevice>,
     name: String,
-    usage: Usage,
+    usage: BufferUsage,
     arena_bytes: u64,
     /// Larger requests get memory of their own.
     largest_shared: u64,
-    arenas: Arc<Arenas>,
+    arenas: Arc<HeapArenas>,
 }
 
 /// How a heap takes memory.
@@ -44,8 +44,9 @@ pub struct HeapOptions {
     pub whole_arenas: bool,
     /// Most bytes of memory that this heap may hold, besides the device's budget; None = no limit of its own.
     pub limit_bytes: Option<u64>,
-    /// Which memory: [`Usage::Device`], or another for memory of the host, which the device's budget does not count.
-    pub usage: Usage,
+    /// Which memory: [`BufferUsage::Device`], or another for memory of the host, which the device's budget does not
+    /// count.
+    pub usage: BufferUsage,
     /// Arenas that are empty stay until [`Heap::trim`]: for memory that is slow to make.
     pub keeps_arenas: bool,
 }
@@ -56,7 +57,7 @@ impl Default for HeapOptions {
             arena_bytes: Heap::DEFAULT_ARENA_BYTES,
             whole_arenas: false,
             limit_bytes: None,
-            usage: Usage::Device,
+            usage: BufferUsage::Device,
             keeps_arenas: false,
         }
     }
@@ -111,7 +112,7 @@ impl Heap {
             arena_bytes = size_class_below(arena_bytes);
             largest_shared = arena_bytes;
         }
-        let arenas = Arenas::new(device, HeapCounters::new(options.limit_bytes), options.keeps_arenas);
+        let arenas = HeapArenas::new(device, HeapCounters::new(options.limit_bytes), options.keeps_arenas);
         opened.add_heap(&arenas);
         let (opened, name) = (Arc::clone(opened), name.to_owned());
         Ok(Self { opened, name, usage: options.usage, arena_bytes, largest_shared, arenas })
@@ -123,7 +124,7 @@ impl Heap {
     /// even after waiting for what is retired, [`GpuError::TooLarge`], [`GpuError::Usage`] for a bad alignment,
     /// [`GpuError::DeviceLost`].
     pub fn alloc(&self, name: &str, bytes: u64, align: u64) -> Result<HeapRange, GpuError> {
-        self.alloc_with(name, bytes, align, Patience::WaitForRetired)
+        self.alloc_with(name, bytes, align, BudgetWait::WaitForRetired)
     }
 
     /// As [`Heap::alloc`], but never waits for the GPU: None when there is no room now (budget, limit, fragmentation,
@@ -132,7 +133,7 @@ impl Heap {
     /// # Errors
     /// As [`Heap::alloc`], without [`GpuError::OutOfMemory`].
     pub fn try_alloc(&self, name: &str, bytes: u64, align: u64) -> Result<Option<HeapRange>, GpuError> {
-        match self.alloc_with(name, bytes, align, Patience::Now) {
+        match self.alloc_with(name, bytes, align, BudgetWait::Now) {
             Ok(range) => Ok(Some(range)),
             Err(GpuError::OutOfMemory { .. }) => Ok(None),
             Err(error) => Err(error),
@@ -194,7 +195,7 @@ impl Heap {
         self.opened.device.check_alive()?;
         let mut size = bytes.min(self.opened.device.limits.max_allocation_bytes) / GRANULE * GRANULE;
         while size >= SMALLEST_ARENA {
-            match self.block(&self.name, size, Patience::Now) {
+            match self.block(&self.name, size, BudgetWait::Now) {
                 Ok(block) => {
                     self.arenas.add_first(block, size);
                     return Ok(size);
@@ -212,10 +213,10 @@ impl Heap {
         self.arenas.trim(0);
     }
 
-    fn alloc_with(&self, name: &str, bytes: u64, align: u64, patience: Patience) -> Result<HeapRange, GpuError> {
+    fn alloc_with(&self, name: &str, bytes: u64, align: u64, patience: BudgetWait) -> Result<HeapRange, GpuError> {
         self.opened.device.check_alive()?;
         #[cfg(feature = "faults")]
-        self.opened.device.planted(crate::device::watch::Call::Range, name, bytes)?;
+        self.opened.device.planted(crate::device::watch::DriverCall::Range, name, bytes)?;
         if !align.is_power_of_two() {
             let message = format!("alignment {align} is not a power of two");
             return Err(GpuError::Usage { name: name.to_owned(), message });
@@ -233,7 +234,7 @@ impl Heap {
     }
 
     /// A place in an arena, an old or a new one.
-    fn share(&self, needed: u64, patience: Patience) -> Result<Option<Place>, GpuError> {
+    fn share(&self, needed: u64, patience: BudgetWait) -> Result<Option<ArenaPlace>, GpuError> {
         if let Some(place) = self.arenas.take(needed) {
             return Ok(Some(place));
         }
@@ -243,7 +244,7 @@ impl Heap {
             return Ok(Some(place));
         }
         let place = self.grow(needed)?;
-        if place.is_some() || patience == Patience::Now {
+        if place.is_some() || patience == BudgetWait::Now {
             return Ok(place);
         }
         self.opened.reclaim(patience)?;
@@ -259,12 +260,12 @@ impl Heap {
     }
 
     /// A place in a new arena, a smaller one if the budget is short; None when even a small one does not fit now.
-    fn grow(&self, bytes: u64) -> Result<Option<Place>, GpuError> {
+    fn grow(&self, bytes: u64) -> Result<Option<ArenaPlace>, GpuError> {
         let mut size = self.arena_bytes;
         // A smaller arena has room for as large a part of it as a full one.
         let share = self.arena_bytes / self.largest_shared;
         while size / share >= bytes && size >= SMALLEST_ARENA {
-            match self.block(&self.name, size, Patience::Now) {
+            match self.block(&self.name, size, BudgetWait::Now) {
                 Ok(block) => return Ok(self.arenas.grow(block, size, bytes)),
                 Err(GpuError::OutOfMemory { .. }) => size = size / 2 / GRANULE * GRANULE,
                 Err(error) => return Err(error),
@@ -274,7 +275,7 @@ impl Heap {
     }
 
     /// A range with memory of its own.
-    fn dedicated(&self, name: &str, bytes: u64, align: u64, patience: Patience) -> Result<HeapRange, GpuError> {
+    fn dedicated(&self, name: &str, bytes: u64, align: u64, patience: BudgetWait) -> Result<HeapRange, GpuError> {
         // Drivers align memory generously, but Vulkan promises nothing about addresses: leave room to move up.
         let room = if align > 1 { align } else { 0 };
         let padded = bytes.checked_add(room).ok_or_else(|| GpuError::TooLarge {
@@ -289,7 +290,7 @@ impl Heap {
     }
 
     /// Memory within the heap's own limit and the device's budget.
-    fn block(&self, name: &str, bytes: u64, patience: Patience) -> Result<Block, GpuError> {
+    fn block(&self, name: &str, bytes: u64, patience: BudgetWait) -> Result<MemoryBlock, GpuError> {
         let held = match self.arenas.counters.hold(name, bytes) {
             Ok(held) => held,
             Err(_) => {
@@ -298,6 +299,6 @@ impl Heap {
             }
         };
         let raw = self.opened.allocate(name, bytes, self.usage, patience)?;
-        Ok(Block::of_heap(&self.opened.device, raw, held))
+        Ok(MemoryBlock::of_heap(&self.opened.device, raw, held))
     }
 }

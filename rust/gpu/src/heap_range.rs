@@ -6,8 +6,8 @@ use std::sync::Arc;
 use crate::error::GpuError;
 use crate::memory::range_memory::RangeMemory;
 use crate::range::DeviceRange;
-use crate::range::sealed::{Parts, RangeParts};
-use crate::submit::kept::Kept;
+use crate::range::sealed::{RangeParts, ToRangeParts};
+use crate::submit::kept::HeldResource;
 
 /// A stretch of device memory. Dropping it does not wait; see [`Buffer`](crate::Buffer).
 #[derive(Debug)]
@@ -57,13 +57,13 @@ impl DeviceRange for HeapRange {
     }
 }
 
-impl Parts for HeapRange {
+impl ToRangeParts for HeapRange {
     fn parts(&self) -> RangeParts {
         RangeParts {
             buffer: self.memory.block.buffer(),
             offset: self.memory.offset,
             device: Arc::as_ptr(&self.memory.block.device),
-            kept: Kept::Range(Arc::clone(&self.memory)),
+            kept: HeldResource::Range(Arc::clone(&self.memory)),
         }
     }
 }

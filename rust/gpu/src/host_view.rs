@@ -15,15 +15,15 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use bytemuck::AnyBitPattern;
 
 use crate::buffer::Buffer;
-use crate::device::mapped::Mapped;
+use crate::device::mapped::MappedPointer;
 use crate::gpu::Gpu;
 use crate::submit::open_device::OpenDevice;
 
 #[derive(Clone, Copy, Debug)]
-struct Span {
+struct MappedSpan {
     start: u64,
     bytes: u64,
-    at: Mapped,
+    at: MappedPointer,
     is_written: bool,
 }
 
@@ -32,7 +32,7 @@ struct Span {
 pub struct HostView {
     opened: Arc<OpenDevice>,
     /// In the order of addresses.
-    spans: Vec<Span>,
+    spans: Vec<MappedSpan>,
 }
 
 impl Gpu {
@@ -54,7 +54,7 @@ impl Gpu {
         written.sort_unstable();
         let span = |(start, bytes, at)| {
             let is_written = written.binary_search(&start).is_ok();
-            Span { start, bytes, at, is_written }
+            MappedSpan { start, bytes, at, is_written }
         };
         let spans = device.host_memory.look().into_iter().map(span).collect();
         Some(HostView { opened: Arc::clone(self.opened()), spans })
@@ -64,7 +64,7 @@ impl Gpu {
 impl HostView {
     /// The span that `address` lies in, and how far in it.
     #[inline]
-    fn find(&self, address: u64) -> Option<(&Span, u64)> {
+    fn find(&self, address: u64) -> Option<(&MappedSpan, u64)> {
         let after = self.spans.partition_point(|span| span.start <= address);
         let span = self.spans.get(after.checked_sub(1)?)?;
         let offset = address - span.start;
@@ -112,7 +112,7 @@ impl HostView {
     }
 }
 
-impl Span {
+impl MappedSpan {
     #[inline]
     fn rest(&self, offset: u64) -> Option<(*mut u8, usize)> {
         let bytes = usize::try_from(self.bytes - offset).ok()?;

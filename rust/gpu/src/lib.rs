@@ -2,7 +2,7 @@
 //! Vulkan made safe: the only crate of OocPT that calls Vulkan.
 //!
 //! What it gives: a device chosen by name or by rank ([`Gpu`]), memory under a hard budget ([`Buffer`], [`Heap`]),
-//! compute [`Pipeline`]s, command lists with barriers of their own ([`Commands`]), on the main queue or one for
+//! compute [`Pipeline`]s, command lists with barriers of their own ([`CommandList`]), on the main queue or one for
 //! transfers, and submissions to wait for ([`Submission`]). All memory is reached by address; there are no descriptor
 //! sets.
 //!
@@ -53,22 +53,22 @@ mod submit;
 mod tests;
 
 pub use buffer::Buffer;
-pub use commands::{Commands, MAX_UPDATE_BYTES};
+pub use commands::{CommandList, MAX_UPDATE_BYTES};
 pub use device::budget::MemoryUse;
 pub use device::options::OpenOptions;
 #[cfg(feature = "faults")]
-pub use device::watch::{Call, DriverMemory, Failure};
+pub use device::watch::{DriverCall, DriverMemory, PlantedFailure};
 pub use error::GpuError;
 pub use gpu::Gpu;
 pub use heap::{Heap, HeapOptions, HeapStats};
 pub use heap_range::HeapRange;
 pub use host_view::{HostBytes, HostSpan, HostView, HostWords};
-pub use instance::capabilities::Capabilities;
+pub use instance::capabilities::DeviceCapabilities;
 #[cfg(feature = "faults")]
 pub use instance::capabilities::hide_capabilities;
 pub use instance::enumerate::{enumerate, enumerate_for};
-pub use instance::limits::Limits;
-pub use instance::memory_type::Usage;
+pub use instance::limits::DeviceLimits;
+pub use instance::memory_type::BufferUsage;
 pub use instance::report::{DeviceKind, DeviceReport, HeapReport};
 pub use instance::validation::ValidationLog;
 pub use pipeline::Pipeline;

@@ -2,12 +2,12 @@
 //! What tests plant in an open device, and what they ask of its watch ([`crate::device::watch`]). Compiled with the
 //! feature `faults` alone.
 
-use crate::device::watch::{DriverMemory, Failure};
+use crate::device::watch::{DriverMemory, PlantedFailure};
 use crate::gpu::Gpu;
 
 impl Gpu {
     /// Makes calls fail, in place of what was planted before.
-    pub fn plant_failure(&self, failure: Failure) {
+    pub fn plant_failure(&self, failure: PlantedFailure) {
         self.device().watch.plant(failure);
     }
 

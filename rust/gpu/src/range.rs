@@ -6,7 +6,7 @@
 
 /// A stretch of device memory: a whole [`Buffer`](crate::Buffer), a [`HeapRange`](crate::HeapRange) or a
 /// [`StagingSlice`](crate::StagingSlice). Sealed.
-pub trait DeviceRange: sealed::Parts {
+pub trait DeviceRange: sealed::ToRangeParts {
     /// Device address of the first byte, as shaders use it.
     fn address(&self) -> u64;
     /// Size in bytes.
@@ -15,8 +15,9 @@ pub trait DeviceRange: sealed::Parts {
     fn name(&self) -> &str;
 
     /// Lends bytes from an offset on to a function, if the range lies in host memory of a heap
-    /// ([`Usage::Shared`](crate::Usage::Shared)); false, and nothing happens, if not. Threads take turns. Seen by every
-    /// submission made after this returns; no submission in flight uses these bytes: the caller sees to that.
+    /// ([`BufferUsage::Shared`](crate::BufferUsage::Shared)); false, and nothing happens, if not. Threads take turns.
+    /// Seen by every submission made after this returns; no submission in flight uses these bytes: the caller sees to
+    /// that.
     ///
     /// # Errors
     /// [`GpuError::Usage`](crate::GpuError::Usage) when the bytes do not fit the range.
@@ -32,12 +33,12 @@ pub(crate) mod sealed {
         pub(crate) buffer: ash::vk::Buffer,
         /// First byte of the range in `buffer`.
         pub(crate) offset: u64,
-        pub(crate) device: *const crate::device::logical::Device,
-        pub(crate) kept: crate::submit::kept::Kept,
+        pub(crate) device: *const crate::device::logical::LogicalDevice,
+        pub(crate) kept: crate::submit::kept::HeldResource,
     }
 
     /// Implemented inside this crate only.
-    pub trait Parts {
+    pub trait ToRangeParts {
         #[doc(hidden)]
         fn parts(&self) -> RangeParts;
     }

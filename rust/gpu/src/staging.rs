@@ -13,14 +13,14 @@
 use std::sync::{Arc, MutexGuard};
 use std::time::Duration;
 
-use crate::commands::Commands;
+use crate::commands::CommandList;
 use crate::error::GpuError;
 use crate::gpu::Gpu;
-use crate::instance::memory_type::Usage;
-use crate::memory::staging_part::{RingMemory, StagingPart, State, Turn};
+use crate::instance::memory_type::BufferUsage;
+use crate::memory::staging_part::{RingMemory, RingState, RingTurn, StagingPart};
 use crate::range::DeviceRange;
-use crate::range::sealed::{Parts, RangeParts};
-use crate::submit::kept::Kept;
+use crate::range::sealed::{RangeParts, ToRangeParts};
+use crate::submit::kept::HeldResource;
 use crate::submit::open_device::OpenDevice;
 
 /// The name of the memory of every ring.
@@ -52,7 +52,7 @@ impl StagingRing {
         if bytes == 0 || isize::try_from(bytes).is_err() {
             return Err(misuse(format!("a ring of {bytes} bytes")));
         }
-        let block = gpu.opened().block(NAME, bytes, Usage::Upload)?;
+        let block = gpu.opened().block(NAME, bytes, BufferUsage::Upload)?;
         let mapped = block.raw.mapped.ok_or_else(|| misuse("the driver did not map it".to_owned()))?;
         let memory = Arc::new(RingMemory::new(block, mapped, bytes));
         Ok(Self { opened: Arc::clone(gpu.opened()), memory })
@@ -78,7 +78,7 @@ impl StagingRing {
     /// failed call.
     pub fn reserve(&self, bytes: u64, align: u64) -> Result<StagingSlice, GpuError> {
         let length = self.check(bytes, align)?;
-        let turn = Turn::take(&self.memory);
+        let turn = RingTurn::take(&self.memory);
         loop {
             self.opened.device.check_alive()?;
             self.opened.collect();
@@ -119,7 +119,7 @@ impl StagingRing {
     }
 
     /// Waits, not longer than [`POLL`], for something to happen that may free space.
-    fn wait(&self, state: MutexGuard<'_, State>, turn: u64) -> Result<(), GpuError> {
+    fn wait(&self, state: MutexGuard<'_, RingState>, turn: u64) -> Result<(), GpuError> {
         let submitted =
             state.oldest_user(turn).and_then(|lane| Some((lane, self.opened.queue(lane).oldest_in_flight()?)));
         if let Some((lane, value)) = submitted {
@@ -150,10 +150,10 @@ impl StagingSlice {
         unsafe { std::slice::from_raw_parts_mut(first, self.length) }
     }
 
-    /// Records a copy of `bytes` from `source_offset` of this slice; as [`Commands::copy`].
+    /// Records a copy of `bytes` from `source_offset` of this slice; as [`CommandList::copy`].
     pub fn copy_to(
         &self,
-        commands: &mut Commands,
+        commands: &mut CommandList,
         source_offset: u64,
         target: &dyn DeviceRange,
         target_offset: u64,
@@ -177,14 +177,14 @@ impl DeviceRange for StagingSlice {
     }
 }
 
-impl Parts for StagingSlice {
+impl ToRangeParts for StagingSlice {
     fn parts(&self) -> RangeParts {
         let block = &self.part.ring.block;
         RangeParts {
             buffer: block.buffer(),
             offset: self.part.start,
             device: Arc::as_ptr(&block.device),
-            kept: Kept::Staging(Arc::clone(&self.part)),
+            kept: HeldResource::Staging(Arc::clone(&self.part)),
         }
     }
 }

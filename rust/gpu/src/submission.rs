@@ -6,27 +6,27 @@ use std::time::Duration;
 
 use crate::error::GpuError;
 use crate::gpu::Gpu;
-use crate::instance::lane::Lane;
-use crate::submit::timer::Timer;
+use crate::instance::lane::QueueLane;
+use crate::submit::timer::QueryTimer;
 
 /// One submitted command list. Dropping it does not wait and does not cancel.
 #[derive(Debug)]
 pub struct Submission {
     gpu: Arc<Gpu>,
-    pub(crate) lane: Lane,
+    pub(crate) lane: QueueLane,
     pub(crate) value: u64,
     label: String,
-    /// Of its parts that had run before it was submitted ([`Commands::host`](crate::Commands::host)).
+    /// Of its parts that had run before it was submitted ([`CommandList::host`](crate::CommandList::host)).
     earlier: Vec<(String, f64)>,
-    timer: Option<Arc<Timer>>,
+    timer: Option<Arc<QueryTimer>>,
 }
 
 impl Submission {
     pub(crate) fn new(
         gpu: &Arc<Gpu>,
-        (lane, value): (Lane, u64),
+        (lane, value): (QueueLane, u64),
         label: String,
-        (earlier, timer): (Vec<(String, f64)>, Option<Arc<Timer>>),
+        (earlier, timer): (Vec<(String, f64)>, Option<Arc<QueryTimer>>),
     ) -> Self {
         Self { gpu: Arc::clone(gpu), lane, value, label, earlier, timer }
     }

@@ -6,7 +6,7 @@
 #[allow(dead_code, reason = "shared with the other test program, which uses the rest")]
 mod support;
 
-use oocpt_gpu::{Buffer, Gpu, Heap, OpenOptions, Usage};
+use oocpt_gpu::{Buffer, BufferUsage, Gpu, Heap, OpenOptions};
 
 use crate::support::{affine, affine_push};
 
@@ -29,7 +29,7 @@ fn two_thousand_cycles_do_not_grow() {
     let pipeline = affine(&gpu, 1);
     let heap = Heap::new(&gpu, "heap", MIB).expect("a heap");
     let cycle = || {
-        let buffer = Buffer::new(&gpu, "buffer", 64 << 10, Usage::Device).expect("memory");
+        let buffer = Buffer::new(&gpu, "buffer", 64 << 10, BufferUsage::Device).expect("memory");
         let range = heap.alloc("range", 10_000, 16).expect("memory");
         let mut transfer = gpu.transfer_commands("bring").expect("a command list");
         transfer.update(&range, 0, &[0; 256]);
@@ -63,7 +63,7 @@ fn two_thousand_cycles_do_not_grow() {
 fn devices_open_and_close_without_growth() {
     let cycle = || {
         let gpu = Gpu::open(&OpenOptions { validation: false, ..support::options() }).expect("a device");
-        let data = Buffer::new(&gpu, "data", 4096, Usage::Device).expect("memory");
+        let data = Buffer::new(&gpu, "data", 4096, BufferUsage::Device).expect("memory");
         let mut commands = gpu.commands("once").expect("a command list");
         commands.fill(&data, 0, 4096, 1);
         commands.submit().expect("submitted");

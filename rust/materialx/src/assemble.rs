@@ -5,25 +5,25 @@
 use std::collections::HashMap;
 
 use crate::eval::number;
-use crate::expression::{Expressions, Val};
-use crate::library::Library;
+use crate::expression::{ExpressionGraph, Val};
+use crate::library::NodeLibrary;
 use crate::network::{MAX_NODES, Network};
 use crate::program::{
-    Geometry, Instruction, Lookup, MAX_CONSTANTS, MAX_INSTRUCTIONS, MAX_LOOKUPS, MAX_OPACITY_LOOKUPS, Op, Operand,
-    Program, REGISTERS,
+    Geometry, Instruction, MAX_CONSTANTS, MAX_INSTRUCTIONS, MAX_LOOKUPS, MAX_OPACITY_LOOKUPS, Op, Operand, Program,
+    ProgramLookup, REGISTERS,
 };
-use crate::surface::{Input, Lowered};
-use crate::uses::{LookupUse, Uses};
-use crate::walk::Walker;
+use crate::surface::{Input, LoweredSurface};
+use crate::uses::{LookupUse, MaterialUses};
+use crate::walk::NetworkWalker;
 
 /// Where an input of the surface comes from.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum InputSource {
     /// A value.
     Constant([f32; 4]),
-    /// A texture, as [`Lookup`] says; then one channel of it in all components, or all of it.
-    Texture(Lookup, Option<u8>),
-    /// A primvar of [`Uses::primvars`].
+    /// A texture, as [`ProgramLookup`] says; then one channel of it in all components, or all of it.
+    Texture(ProgramLookup, Option<u8>),
+    /// A primvar of [`MaterialUses::primvars`].
     Primvar(u8),
     /// A register of the program; of the opacity, of its own.
     Register(u8),
@@ -31,7 +31,7 @@ pub enum InputSource {
 
 /// A network translated.
 #[derive(Clone, Debug)]
-pub struct Translation {
+pub struct TranslatedNetwork {
     /// By [`crate::surface::Input`]; `None` where the surface is not understood.
     pub inputs: Option<[InputSource; Input::COUNT]>,
     /// `specularColor` is the reflectance at normal incidence; else metallic and index are.
@@ -50,10 +50,10 @@ pub struct Translation {
     pub program: Program,
     /// Works out the opacity where that is a register. Apart: it is asked before the hit is known.
     pub opacity_program: Program,
-    /// Works out the emission alone where that is a register and light can be asked for it: [`Emission`].
-    pub emission: Option<Emission>,
+    /// Works out the emission alone where that is a register and light can be asked for it: [`MaterialEmission`].
+    pub emission: Option<MaterialEmission>,
     /// Textures by number, sets of texture coordinates, primvars.
-    pub uses: Uses,
+    pub uses: MaterialUses,
     /// What is not understood, one line each.
     pub problems: Vec<String>,
 }
@@ -61,14 +61,14 @@ pub struct Translation {
 /// A program for the emission alone, for points of a mesh that no ray has met: texture coordinates, primvars, places
 /// and the direction are known there, the directions of the surface are not.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Emission {
+pub struct MaterialEmission {
     /// What works it out.
     pub program: Program,
     /// The register that it is in then.
     pub register: u8,
 }
 
-impl Translation {
+impl TranslatedNetwork {
     /// Of no surface.
     fn nothing() -> Self {
         Self {
@@ -82,7 +82,7 @@ impl Translation {
             program: Program::default(),
             opacity_program: Program::default(),
             emission: None,
-            uses: Uses::default(),
+            uses: MaterialUses::default(),
             problems: Vec::new(),
         }
     }
@@ -90,13 +90,13 @@ impl Translation {
 
 /// Translates a network.
 #[must_use]
-pub fn translate(network: &Network, library: &Library) -> Translation {
-    let mut nothing = Translation::nothing();
+pub fn translate(network: &Network, library: &NodeLibrary) -> TranslatedNetwork {
+    let mut nothing = TranslatedNetwork::nothing();
     if network.nodes.len() > MAX_NODES || network.surface >= network.nodes.len() {
         nothing.problems.push("there is no surface, or too many nodes".to_owned());
         return nothing;
     }
-    let mut walker = Walker::new(network, library);
+    let mut walker = NetworkWalker::new(network, library);
     let Some(slab) = walker.slab() else {
         nothing.problems = walker.problems;
         if nothing.problems.is_empty() {
@@ -106,8 +106,8 @@ pub fn translate(network: &Network, library: &Library) -> Translation {
     };
     let lowered = walker.lower(&slab);
     let framed_normal = !lowered.hair && walker.ask_for_tangents(&lowered.inputs);
-    let Walker { expressions, uses, mut problems, .. } = walker;
-    let mut assembler = Assembler::new(&expressions, &uses.lookups, MAX_LOOKUPS);
+    let NetworkWalker { expressions, uses, mut problems, .. } = walker;
+    let mut assembler = ProgramAssembler::new(&expressions, &uses.lookups, MAX_LOOKUPS);
     let mut inputs: [Option<InputSource>; Input::COUNT] = [None; Input::COUNT];
     for ((val, name), input) in lowered.inputs.iter().zip(Input::ALL).zip(&mut inputs) {
         // Those of several numbers are textures by chance only, and there are no more than so many of these.
@@ -133,7 +133,7 @@ pub fn translate(network: &Network, library: &Library) -> Translation {
             (val, None) => InputSource::Constant(expressions.value(val, &|_| [0.5; 4], &|_| [0.5; 4])),
         })
     });
-    Translation {
+    TranslatedNetwork {
         inputs: Some(inputs),
         specular_workflow: lowered.specular_workflow,
         opacity_threshold,
@@ -149,7 +149,7 @@ pub fn translate(network: &Network, library: &Library) -> Translation {
     }
 }
 
-impl Walker<'_> {
+impl NetworkWalker<'_> {
     /// Tangents are those of the first set of texture coordinates: who reads them, or says a normal about them, reads
     /// `st` where there is no other. Whether the normal is told in the frame that every mesh has.
     fn ask_for_tangents(&mut self, inputs: &[Val; Input::COUNT]) -> bool {
@@ -172,7 +172,11 @@ impl Walker<'_> {
 }
 
 /// The threshold of the opacity, which becomes a texture where it is there or not by one number of that.
-fn step_opacity(lowered: &Lowered, assembler: &Assembler<'_>, inputs: &mut [Option<InputSource>; Input::COUNT]) -> f32 {
+fn step_opacity(
+    lowered: &LoweredSurface,
+    assembler: &ProgramAssembler<'_>,
+    inputs: &mut [Option<InputSource>; Input::COUNT],
+) -> f32 {
     let (own, threshold) = (Input::Opacity as usize, lowered.opacity_threshold);
     if inputs[own].is_some() {
         return threshold;
@@ -186,7 +190,7 @@ fn step_opacity(lowered: &Lowered, assembler: &Assembler<'_>, inputs: &mut [Opti
 fn opacity(
     values: &[Val; Input::COUNT],
     inputs: &mut [Option<InputSource>; Input::COUNT],
-    expressions: &Expressions,
+    expressions: &ExpressionGraph,
     lookups: &[LookupUse],
     problems: &mut Vec<String>,
 ) -> Program {
@@ -194,7 +198,7 @@ fn opacity(
     if inputs[at].is_some() {
         return Program::default();
     }
-    let mut assembler = Assembler::new(expressions, lookups, MAX_OPACITY_LOOKUPS);
+    let mut assembler = ProgramAssembler::new(expressions, lookups, MAX_OPACITY_LOOKUPS);
     let compiled = assembler.compile(&values[at..=at]);
     // Traversal knows no random number of the hit: there is none yet.
     let is_random = assembler.program.is_random();
@@ -216,19 +220,19 @@ fn opacity(
 fn emission(
     sources: &[InputSource; Input::COUNT],
     values: &[Val; Input::COUNT],
-    expressions: &Expressions,
+    expressions: &ExpressionGraph,
     lookups: &[LookupUse],
-) -> Option<Emission> {
+) -> Option<MaterialEmission> {
     let value = values[Input::EmissiveColor as usize];
     if !matches!(sources[Input::EmissiveColor as usize], InputSource::Register(_)) {
         return None;
     }
-    let mut assembler = Assembler::new(expressions, lookups, MAX_LOOKUPS);
+    let mut assembler = ProgramAssembler::new(expressions, lookups, MAX_LOOKUPS);
     let register = assembler.compile_one(value).ok()?;
     let program = assembler.program;
     let unknown = [Geometry::Normal, Geometry::Tangent, Geometry::Bitangent, Geometry::FrameX, Geometry::FrameY];
     let is_known = !unknown.into_iter().any(|geometry| program.reads(geometry));
-    (!program.is_random() && is_known).then_some(Emission { program, register })
+    (!program.is_random() && is_known).then_some(MaterialEmission { program, register })
 }
 
 impl Val {
@@ -244,23 +248,23 @@ impl Val {
 /// Lookups that a material makes in all, at most: a path keeps a bit for each of sixteen, and one is a light's.
 const MOST_TEXTURES: usize = 15;
 
-pub(crate) struct Assembler<'a> {
+pub(crate) struct ProgramAssembler<'a> {
     /// Lookups of the program, at most.
     most_lookups: usize,
-    pub(crate) expressions: &'a Expressions,
+    pub(crate) expressions: &'a ExpressionGraph,
     pub(crate) lookups: &'a [LookupUse],
     pub(crate) program: Program,
 }
 
-impl<'a> Assembler<'a> {
-    pub(crate) fn new(expressions: &'a Expressions, lookups: &'a [LookupUse], most_lookups: usize) -> Self {
+impl<'a> ProgramAssembler<'a> {
+    pub(crate) fn new(expressions: &'a ExpressionGraph, lookups: &'a [LookupUse], most_lookups: usize) -> Self {
         Self { most_lookups, expressions, lookups, program: Program::default() }
     }
 }
 
-impl Assembler<'_> {
+impl ProgramAssembler<'_> {
     /// The operations in the order in which they are worked out: each as late as its reader allows.
-    fn order(&self, roots: &[Val], places: &HashMap<u16, (Lookup, bool)>) -> Vec<u32> {
+    fn order(&self, roots: &[Val], places: &HashMap<u16, (ProgramLookup, bool)>) -> Vec<u32> {
         let mut order = Vec::new();
         let mut state: HashMap<u32, bool> = HashMap::new(); // true: done
         for root in roots {
@@ -285,7 +289,7 @@ impl Assembler<'_> {
     }
 
     /// The operands of an operation; none of a lookup that knows its place.
-    fn arguments(&self, at: u32, places: &HashMap<u16, (Lookup, bool)>) -> [Val; 3] {
+    fn arguments(&self, at: u32, places: &HashMap<u16, (ProgramLookup, bool)>) -> [Val; 3] {
         match self.expressions.get(at) {
             Some(node) if node.op == Op::Texture && places.get(&node.immediate).is_none_or(|(_, known)| *known) => {
                 [Val::ZERO; 3]
@@ -303,7 +307,7 @@ impl Assembler<'_> {
 
     /// Makes the program for these values; the register of each.
     fn compile(&mut self, roots: &[Val]) -> Result<HashMap<Option<u32>, u8>, &'static str> {
-        let mut places: HashMap<u16, (Lookup, bool)> = HashMap::new();
+        let mut places: HashMap<u16, (ProgramLookup, bool)> = HashMap::new();
         for at in self.expressions.needed(roots) {
             if let Some(node) = self.expressions.get(at).filter(|node| node.op == Op::Texture)
                 && let Some(found) = self.lookup(u32::from(node.immediate))
@@ -353,7 +357,7 @@ impl Assembler<'_> {
     }
 
     /// The number of a lookup in the program; bit 8: its place is known without the operand.
-    fn place(&mut self, number: u16, places: &HashMap<u16, (Lookup, bool)>) -> Result<u16, &'static str> {
+    fn place(&mut self, number: u16, places: &HashMap<u16, (ProgramLookup, bool)>) -> Result<u16, &'static str> {
         let (lookup, known) = *places.get(&number).ok_or("a texture that is not there")?;
         if self.program.lookups.len() >= self.most_lookups {
             return Err("more texture lookups than a program may have");

@@ -8,15 +8,15 @@
 
 use std::collections::HashMap;
 
-use crate::assemble::Assembler;
+use crate::assemble::ProgramAssembler;
 use crate::eval::number;
 use crate::expression::Val;
-use crate::library::Library;
+use crate::library::NodeLibrary;
 use crate::network::{MAX_NODES, Network};
 use crate::program::{Geometry, Instruction, MAX_LOOKUPS, Op, Program};
-use crate::uses::Uses;
-use crate::value::Type;
-use crate::walk::{At, Walker};
+use crate::uses::MaterialUses;
+use crate::value::PortType;
+use crate::walk::{NetworkWalker, NodeAddress};
 
 /// Displacement shaders one within the other, at most.
 const MAX_SHADERS: usize = 16;
@@ -27,7 +27,7 @@ const DEFAULT_SET: &str = "st";
 
 /// How far, and where to.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Offset {
+pub enum DisplacementOffset {
     /// The same everywhere.
     Constant([f32; 4]),
     /// A register of the program.
@@ -36,19 +36,19 @@ pub enum Offset {
 
 /// What the displacement terminal says.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Displacement {
+pub struct DisplacementProgram {
     /// The first component counts, or the first three.
-    pub offset: Offset,
+    pub offset: DisplacementOffset,
     /// Along tangent, bitangent and normal, which are unit vectors at right angles to each other; else along the normal
     /// alone.
     pub is_vector: bool,
     /// Empty of what is constant.
     pub program: Program,
     /// Textures by number, sets of texture coordinates, primvars. Tangents follow the first set.
-    pub uses: Uses,
+    pub uses: MaterialUses,
 }
 
-impl Displacement {
+impl DisplacementProgram {
     /// Whether tangent or bitangent matter.
     #[must_use]
     pub fn has_tangents(&self) -> bool {
@@ -61,25 +61,25 @@ impl Displacement {
 /// Translates what the displacement terminal of a network says; `None` where it moves nothing or is not understood.
 /// Beside it what is not understood, one line each.
 #[must_use]
-pub fn translate_displacement(network: &Network, library: &Library) -> (Option<Displacement>, Vec<String>) {
+pub fn translate_displacement(network: &Network, library: &NodeLibrary) -> (Option<DisplacementProgram>, Vec<String>) {
     let Some(node) = network.displacement else { return (None, Vec::new()) };
     if network.nodes.len() > MAX_NODES || node >= network.nodes.len() {
         return (None, vec!["there is no displacement, or too many nodes".to_owned()]);
     }
-    let mut walker = Walker::new(network, library);
+    let mut walker = NetworkWalker::new(network, library);
     walker.is_displacing = true;
-    let mut reader = Reader { walker, shaders: HashMap::new() };
-    let shift = reader.shader(Walker::terminal(node), 0);
-    let Walker { expressions, mut uses, mut problems, .. } = reader.walker;
-    let Some(Shift { value, is_vector }) = shift else { return (None, problems) };
+    let mut reader = DisplacementReader { walker, shaders: HashMap::new() };
+    let shift = reader.shader(NetworkWalker::terminal(node), 0);
+    let NetworkWalker { expressions, mut uses, mut problems, .. } = reader.walker;
+    let Some(DisplacementShader { value, is_vector }) = shift else { return (None, problems) };
     let width = if is_vector { 3 } else { 1 };
     if value.is(0.0, width) {
         return (None, problems);
     }
-    let mut assembler = Assembler::new(&expressions, &uses.lookups, MAX_LOOKUPS);
+    let mut assembler = ProgramAssembler::new(&expressions, &uses.lookups, MAX_LOOKUPS);
     let offset = match value.constant() {
-        Some(value) => Ok(Offset::Constant(value.map(number))),
-        None => assembler.compile_one(value).map(Offset::Register),
+        Some(value) => Ok(DisplacementOffset::Constant(value.map(number))),
+        None => assembler.compile_one(value).map(DisplacementOffset::Register),
     };
     let program = assembler.program;
     let offset = match offset {
@@ -91,7 +91,7 @@ pub fn translate_displacement(network: &Network, library: &Library) -> (Option<D
             return (None, problems);
         }
     };
-    let mut found = Displacement { offset, is_vector, program, uses: Uses::default() };
+    let mut found = DisplacementProgram { offset, is_vector, program, uses: MaterialUses::default() };
     if found.has_tangents() && uses.uv_sets.is_empty() {
         uses.uv_sets.push(DEFAULT_SET.into());
     }
@@ -108,20 +108,20 @@ fn reads_the_unknown(program: &Program) -> bool {
 
 /// A displacement shader.
 #[derive(Clone, Copy)]
-struct Shift {
+struct DisplacementShader {
     value: Val,
     is_vector: bool,
 }
 
-struct Reader<'a> {
-    walker: Walker<'a>,
+struct DisplacementReader<'a> {
+    walker: NetworkWalker<'a>,
     /// Each is worked out once, however many read it; `None`: it is being worked out.
-    shaders: HashMap<At, Option<Option<Shift>>>,
+    shaders: HashMap<NodeAddress, Option<Option<DisplacementShader>>>,
 }
 
-impl Reader<'_> {
+impl DisplacementReader<'_> {
     /// A displacement shader, through graphs and mixtures.
-    fn shader(&mut self, at: At, depth: usize) -> Option<Shift> {
+    fn shader(&mut self, at: NodeAddress, depth: usize) -> Option<DisplacementShader> {
         match self.shaders.get(&at) {
             Some(Some(known)) => return *known,
             None if depth <= MAX_SHADERS => {}
@@ -137,7 +137,7 @@ impl Reader<'_> {
         found
     }
 
-    fn shader_of(&mut self, at: At, depth: usize) -> Option<Shift> {
+    fn shader_of(&mut self, at: NodeAddress, depth: usize) -> Option<DisplacementShader> {
         let category = self.walker.category(at);
         let is_shader = |(.., name): &(_, _, std::sync::Arc<str>)| &**name == SHADER;
         let definition = self.walker.definition(at);
@@ -158,20 +158,20 @@ impl Reader<'_> {
         None
     }
 
-    fn input(&mut self, at: At, name: &str, depth: usize) -> Option<Shift> {
+    fn input(&mut self, at: NodeAddress, name: &str, depth: usize) -> Option<DisplacementShader> {
         let source = self.walker.source_node(at, name)?;
         self.shader(source, depth + 1)
     }
 
-    fn displacement(&mut self, at: At) -> Shift {
-        let is_vector = self.walker.input_type(at, "displacement") == Type::Vector3;
+    fn displacement(&mut self, at: NodeAddress) -> DisplacementShader {
+        let is_vector = self.walker.input_type(at, "displacement") == PortType::Vector3;
         let amount = self.walker.number_or(at, "displacement", 0.0);
         let scale = self.walker.number_or(at, "scale", 1.0);
-        Shift { value: self.walker.expressions.multiply(amount, scale), is_vector }
+        DisplacementShader { value: self.walker.expressions.multiply(amount, scale), is_vector }
     }
 
     /// A side that is not connected, or not understood, moves nothing. A number is a vector along the normal.
-    fn mixed(&mut self, at: At, depth: usize) -> Option<Shift> {
+    fn mixed(&mut self, at: NodeAddress, depth: usize) -> Option<DisplacementShader> {
         let [back, front] = ["bg", "fg"].map(|name| self.input(at, name, depth));
         let is_vector = [back, front].iter().flatten().any(|shift| shift.is_vector);
         let e = &mut self.walker.expressions;
@@ -180,6 +180,6 @@ impl Reader<'_> {
             shift => shift.map_or(Val::ZERO, |shift| shift.value),
         });
         let share = self.walker.number_or(at, "mix", 0.0);
-        Some(Shift { value: self.walker.expressions.mix(back, front, share), is_vector })
+        Some(DisplacementShader { value: self.walker.expressions.mix(back, front, share), is_vector })
     }
 }

@@ -8,8 +8,8 @@
 
 use std::array::from_fn;
 
-use crate::noise::{self, MAX_OCTAVES, Octaves};
-use crate::program::{Geometry, Instruction, Lookup, Op, Operand, Program, REGISTERS};
+use crate::noise::{self, FractalOctaves, MAX_OCTAVES};
+use crate::program::{Geometry, Instruction, Op, Operand, Program, ProgramLookup, REGISTERS};
 
 type Vec4 = [f32; 4];
 
@@ -37,7 +37,7 @@ pub fn evaluate(op: Op, operands: [[f32; 4]; 3], immediate: u16) -> [f32; 4] {
 pub fn run(
     program: &Program,
     surface: impl Fn(Geometry) -> [f32; 4],
-    lookup: impl Fn(&Lookup, Option<[f32; 2]>) -> [f32; 4],
+    lookup: impl Fn(&ProgramLookup, Option<[f32; 2]>) -> [f32; 4],
 ) -> [[f32; 4]; REGISTERS] {
     run_numbered(program, surface, |_, found, place| lookup(found, place))
 }
@@ -46,7 +46,7 @@ pub fn run(
 pub fn run_numbered(
     program: &Program,
     surface: impl Fn(Geometry) -> [f32; 4],
-    mut lookup: impl FnMut(usize, &Lookup, Option<[f32; 2]>) -> [f32; 4],
+    mut lookup: impl FnMut(usize, &ProgramLookup, Option<[f32; 2]>) -> [f32; 4],
 ) -> [[f32; 4]; REGISTERS] {
     let mut registers = [[0.0; 4]; REGISTERS];
     for &Instruction { op, to, operands, immediate } in &program.instructions {
@@ -291,12 +291,13 @@ fn hsv_to_rgb([hue, s, v, alpha]: Vec4) -> Vec4 {
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "limited before")]
 fn noises(op: Op, a: Vec4, b: Vec4, immediate: u16) -> Vec4 {
     let [x, y, z, _] = a;
-    let octaves = || Octaves { count: b[0].clamp(0.0, MAX_OCTAVES as f32) as u32, lacunarity: b[1], diminish: b[2] };
+    let octaves =
+        || FractalOctaves { count: b[0].clamp(0.0, MAX_OCTAVES as f32) as u32, lacunarity: b[1], diminish: b[2] };
     match op {
-        Op::Noise2 => sums([x, y], [0.0; 2], Octaves::ONE, 0),
-        Op::Noise2Vector => sums([x, y], [19.0, 73.0], Octaves::ONE, 1),
-        Op::Noise3 => sums([x, y, z], [0.0; 3], Octaves::ONE, 0),
-        Op::Noise3Vector => sums([x, y, z], [19.0, 73.0, 29.0], Octaves::ONE, 1),
+        Op::Noise2 => sums([x, y], [0.0; 2], FractalOctaves::ONE, 0),
+        Op::Noise2Vector => sums([x, y], [19.0, 73.0], FractalOctaves::ONE, 1),
+        Op::Noise3 => sums([x, y, z], [0.0; 3], FractalOctaves::ONE, 0),
+        Op::Noise3Vector => sums([x, y, z], [19.0, 73.0, 29.0], FractalOctaves::ONE, 1),
         Op::Fractal2 => sums([x, y], [19.0, 193.0], octaves(), immediate),
         Op::Fractal3 => sums([x, y, z], [19.0, 193.0, 17.0], octaves(), immediate),
         Op::CellNoise2 => [noise::cell_noise([x, y]); 4],
@@ -308,7 +309,7 @@ fn noises(op: Op, a: Vec4, b: Vec4, immediate: u16) -> Vec4 {
 }
 
 /// Fractal sums by the `immediate` of [`Op::Fractal3`]; `offset` is that of the last component.
-fn sums<const N: usize>(p: [f32; N], offset: [f32; N], octaves: Octaves, immediate: u16) -> Vec4 {
+fn sums<const N: usize>(p: [f32; N], offset: [f32; N], octaves: FractalOctaves, immediate: u16) -> Vec4 {
     let here = noise::fractal(p, octaves);
     if immediate == 0 {
         return [here[0]; 4];

@@ -54,27 +54,27 @@ pub(crate) struct Expression {
     pub(crate) immediate: u16,
 }
 
-type Key = (Op, [[u32; 5]; 3], u16);
+type ExpressionKey = (Op, [[u32; 5]; 3], u16);
 
 /// All operations of a material: each after its arguments.
 #[derive(Debug, Default)]
-pub(crate) struct Expressions {
+pub(crate) struct ExpressionGraph {
     nodes: Vec<Expression>,
-    known: HashMap<Key, u32>,
+    known: HashMap<ExpressionKey, u32>,
     /// There were more than [`MAX_EXPRESSIONS`].
     pub(crate) is_full: bool,
 }
 
 /// What an expression depends on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Leaves {
+pub(crate) struct ExpressionInputs {
     /// By [`Geometry`].
     pub(crate) geometry: u32,
     /// By number of the lookup.
     pub(crate) lookups: u64,
 }
 
-impl Expressions {
+impl ExpressionGraph {
     pub(crate) fn get(&self, at: u32) -> Option<&Expression> {
         self.nodes.get(at as usize)
     }
@@ -207,8 +207,8 @@ impl Expressions {
     }
 
     /// What a value depends on at once: coordinates of lookups do not count.
-    pub(crate) fn leaves(&self, val: Val) -> Leaves {
-        let mut leaves = Leaves::default();
+    pub(crate) fn leaves(&self, val: Val) -> ExpressionInputs {
+        let mut leaves = ExpressionInputs::default();
         for at in self.reach(val, false) {
             let Some(node) = self.get(at) else { continue };
             match node.op {

@@ -2,7 +2,7 @@
 //! Definitions of nodes, read from `MaterialX`'s data libraries (`libraries/*/*.mtlx`), and those of one's own.
 //!
 //! Limits: [`MAX_FILE_BYTES`] a file, [`MAX_FILES`] files, folders three deep; regular files only. What cannot be read
-//! is left out, and [`Library::problems`] says so.
+//! is left out, and [`NodeLibrary::problems`] says so.
 //!
 //! What a file of a namespace defines is called `namespace:name`, as `MaterialX` has it.
 
@@ -17,7 +17,7 @@ use std::io::{Error, ErrorKind};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
-use crate::value::{Type, Value};
+use crate::value::{PortType, PortValue};
 
 /// Most bytes of a library file.
 pub const MAX_FILE_BYTES: u64 = 16 << 20;
@@ -31,18 +31,18 @@ const SEARCH_PATHS: &str = "PXR_MTLX_STDLIB_SEARCH_PATHS";
 /// Folders of definitions of one's own, likewise.
 const OWN_PATHS: &str = "PXR_MTLX_PLUGIN_SEARCH_PATHS";
 
-static STANDARD: OnceLock<Library> = OnceLock::new();
+static STANDARD: OnceLock<NodeLibrary> = OnceLock::new();
 
 /// The libraries of this process: those of the folders of `PXR_MTLX_STDLIB_SEARCH_PATHS` and
 /// `PXR_MTLX_PLUGIN_SEARCH_PATHS`, read at first use. A definition of the latter stands for one of the former of its
 /// name. Any thread; empty where there are no data libraries.
-pub fn standard() -> &'static Library {
+pub fn standard() -> &'static NodeLibrary {
     STANDARD.get_or_init(|| {
         let folders = |name: &str| -> Vec<PathBuf> {
             let paths = std::env::var_os(name).unwrap_or_default();
             std::env::split_paths(&paths).filter(|path| !path.as_os_str().is_empty()).collect()
         };
-        let library = Library::read_with(&folders(SEARCH_PATHS), &folders(OWN_PATHS));
+        let library = NodeLibrary::read_with(&folders(SEARCH_PATHS), &folders(OWN_PATHS));
         for problem in library.problems() {
             tracing::warn!("MaterialX library {problem}");
         }
@@ -56,18 +56,18 @@ pub struct InputDef {
     /// Its name.
     pub name: Arc<str>,
     /// Its type.
-    pub ty: Type,
+    pub ty: PortType,
     /// What it is where nothing is said.
-    pub value: Option<Value>,
+    pub value: Option<PortValue>,
     /// Or the property of the geometry that it is then (`UV0`, `Nworld`).
     pub geometry: Option<Arc<str>>,
 }
 
 /// Where an input of a node in a graph comes from.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Source {
+pub enum PortSource {
     /// A value.
-    Value(Value),
+    Value(PortValue),
     /// An output of a node of the graph; the empty name is the only one.
     Node(usize, Arc<str>),
     /// An input of the node that the graph implements.
@@ -80,9 +80,9 @@ pub struct GraphInput {
     /// Its name.
     pub name: Arc<str>,
     /// Its type.
-    pub ty: Type,
+    pub ty: PortType,
     /// Where it comes from.
-    pub source: Source,
+    pub source: PortSource,
     /// Colour space of a file that the node reads, if the graph says it.
     pub color_space: Option<Arc<str>>,
 }
@@ -99,7 +99,7 @@ pub struct GraphNode {
     /// Where definitions are looked for first.
     pub namespace: Option<Arc<str>>,
     /// Type of its output.
-    pub ty: Type,
+    pub ty: PortType,
     /// Name of that type.
     pub type_name: Arc<str>,
     /// What is said of its inputs.
@@ -108,16 +108,16 @@ pub struct GraphNode {
 
 /// The implementation of a definition by other nodes.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Graph {
+pub struct NodeGraph {
     /// The nodes.
     pub nodes: Vec<GraphNode>,
     /// Its outputs: name and where from.
-    pub outputs: Vec<(Arc<str>, Source)>,
+    pub outputs: Vec<(Arc<str>, PortSource)>,
 }
 
 /// A definition of a node (`nodedef`).
 #[derive(Clone, Debug, PartialEq)]
-pub struct Definition {
+pub struct NodeDef {
     /// Its name, `ND_add_float` for instance.
     pub name: Arc<str>,
     /// What kind of node, `add` for instance.
@@ -125,14 +125,14 @@ pub struct Definition {
     /// Inputs.
     pub inputs: Vec<InputDef>,
     /// Outputs: name, type, name of the type.
-    pub outputs: Vec<(Arc<str>, Type, Arc<str>)>,
+    pub outputs: Vec<(Arc<str>, PortType, Arc<str>)>,
     /// Its implementation, if it is a graph.
-    pub graph: Option<Arc<Graph>>,
+    pub graph: Option<Arc<NodeGraph>>,
     /// The one that is meant where the version is not said.
     pub is_default_version: bool,
 }
 
-impl Definition {
+impl NodeDef {
     /// An input.
     #[must_use]
     pub fn input(&self, name: &str) -> Option<&InputDef> {
@@ -141,7 +141,7 @@ impl Definition {
 
     /// Type of an output; the first one for an empty name.
     #[must_use]
-    pub fn output(&self, name: &str) -> Option<Type> {
+    pub fn output(&self, name: &str) -> Option<PortType> {
         let found = self.outputs.iter().find(|(output, ..)| name.is_empty() || &**output == name);
         found.or(self.outputs.first()).map(|(_, ty, _)| *ty)
     }
@@ -149,13 +149,13 @@ impl Definition {
 
 /// All definitions.
 #[derive(Clone, Debug, Default)]
-pub struct Library {
-    definitions: HashMap<Arc<str>, Arc<Definition>>,
-    by_category: HashMap<Arc<str>, Vec<Arc<Definition>>>,
+pub struct NodeLibrary {
+    definitions: HashMap<Arc<str>, Arc<NodeDef>>,
+    by_category: HashMap<Arc<str>, Vec<Arc<NodeDef>>>,
     problems: Vec<String>,
 }
 
-impl Library {
+impl NodeLibrary {
     /// Reads all `.mtlx` files below the folders. Folders of generators (`gen*`) hold no definitions that count here.
     #[must_use]
     pub fn read(folders: &[PathBuf]) -> Self {
@@ -226,7 +226,7 @@ impl Library {
         library
     }
 
-    fn insert(&mut self, definition: Arc<Definition>) {
+    fn insert(&mut self, definition: Arc<NodeDef>) {
         let of_category = self.by_category.entry(Arc::clone(&definition.category)).or_default();
         of_category.retain(|known| known.name != definition.name);
         of_category.push(Arc::clone(&definition));
@@ -237,7 +237,7 @@ impl Library {
     #[must_use]
     pub fn parse(texts: &[(String, String)]) -> Self {
         let mut library = Self::default();
-        let mut parser = parse::Parser::default();
+        let mut parser = parse::LibraryParser::default();
         for (name, text) in texts {
             if let Err(error) = parser.file(Path::new(name), text) {
                 library.problems.push(format!("{name}: {error}"));
@@ -256,7 +256,7 @@ impl Library {
     }
 
     /// All definitions, in no order.
-    pub fn definitions(&self) -> impl Iterator<Item = &Arc<Definition>> {
+    pub fn definitions(&self) -> impl Iterator<Item = &Arc<NodeDef>> {
         self.definitions.values()
     }
 
@@ -276,14 +276,14 @@ impl Library {
 
     /// A definition by its name; by its new one where only that is known.
     #[must_use]
-    pub fn definition(&self, name: &str) -> Option<&Arc<Definition>> {
+    pub fn definition(&self, name: &str) -> Option<&Arc<NodeDef>> {
         self.definitions.get(name).or_else(|| self.definitions.get(renamed(name)?))
     }
 
     /// The definition that a node in a graph means: of its category and type, with all of the inputs that are said,
     /// of their types. Else with most of them: graphs of `MaterialX` 1.38 have inputs that later versions do not.
     #[must_use]
-    pub fn matching(&self, node: &GraphNode) -> Option<&Arc<Definition>> {
+    pub fn matching(&self, node: &GraphNode) -> Option<&Arc<NodeDef>> {
         if let Some(name) = &node.definition {
             let own = node.namespace.as_ref().and_then(|space| self.definition(&format!("{space}:{name}")));
             return own.or_else(|| self.definition(name));
@@ -295,8 +295,8 @@ impl Library {
     }
 
     /// Of definitions of one category the one that a node means.
-    fn fitting<'a>(candidates: &'a [Arc<Definition>], node: &GraphNode) -> Option<&'a Arc<Definition>> {
-        let fits = |definition: &&Arc<Definition>, exactly: bool| {
+    fn fitting<'a>(candidates: &'a [Arc<NodeDef>], node: &GraphNode) -> Option<&'a Arc<NodeDef>> {
+        let fits = |definition: &&Arc<NodeDef>, exactly: bool| {
             let is_multi = &*node.type_name == "multioutput" && definition.outputs.len() > 1;
             let has_type = definition.outputs.first().is_some_and(|(.., name)| *name == node.type_name);
             (is_multi || has_type)
@@ -309,11 +309,11 @@ impl Library {
             candidates.iter().find(|found| fits(found, exactly) && (!default || found.is_default_version))
         };
         let most = || {
-            let known = |found: &&Arc<Definition>| {
+            let known = |found: &&Arc<NodeDef>| {
                 node.inputs.iter().filter(|input| found.input(&input.name).is_some_and(|of| of.ty == input.ty)).count()
             };
             let of_type =
-                |found: &&Arc<Definition>| found.outputs.first().is_some_and(|(.., name)| *name == node.type_name);
+                |found: &&Arc<NodeDef>| found.outputs.first().is_some_and(|(.., name)| *name == node.type_name);
             // The first of those that know as many.
             candidates.iter().filter(of_type).rev().max_by_key(known)
         };

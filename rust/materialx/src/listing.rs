@@ -12,7 +12,7 @@ const LONGEST_INLINE: usize = 64;
 
 /// What a program costs for each hit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Cost {
+pub struct ProgramCost {
     /// Instructions, all of which are run.
     pub instructions: usize,
     /// Of these, noise: each is some dozens of the others, fractal sums that for each octave.
@@ -25,7 +25,7 @@ pub struct Cost {
     pub lookups: usize,
 }
 
-impl Cost {
+impl ProgramCost {
     /// The cost of a program.
     #[must_use]
     pub fn of(program: &Program) -> Self {
@@ -46,7 +46,7 @@ impl Cost {
 }
 
 /// Names of what a program reads.
-pub trait Names {
+pub trait ListingNames {
     /// A set of texture coordinates of the material.
     fn uv_set(&self, set: usize) -> String;
     /// A primvar of the material.
@@ -57,7 +57,7 @@ pub trait Names {
 
 /// Each instruction as a line: the register that it writes, what it does, its operands.
 #[must_use]
-pub fn instructions(program: &Program, names: &dyn Names) -> Vec<String> {
+pub fn instructions(program: &Program, names: &dyn ListingNames) -> Vec<String> {
     let operand = |operand: Operand| match operand {
         Operand::Register(register) => format!("r{register}"),
         Operand::Constant(at) => constant(program, at),
@@ -72,7 +72,7 @@ pub fn instructions(program: &Program, names: &dyn Names) -> Vec<String> {
 /// What the registers in `roots` hold at the end, as formulas; before them, as lines `v1 = ...`, those values that are
 /// read more than once or are long.
 #[must_use]
-pub fn formulas(program: &Program, roots: &[u8], names: &dyn Names) -> (Vec<String>, Vec<String>) {
+pub fn formulas(program: &Program, roots: &[u8], names: &dyn ListingNames) -> (Vec<String>, Vec<String>) {
     // By instruction: who reads it. A register is the value of the last instruction that wrote it.
     let mut readers = vec![0_usize; program.instructions.len()];
     let mut writer: [Option<usize>; REGISTERS] = [None; REGISTERS];
@@ -156,7 +156,7 @@ fn operands(instruction: &Instruction) -> usize {
 }
 
 /// A call with these operands.
-fn call(program: &Program, instruction: &Instruction, operands: &[String; 3], names: &dyn Names) -> String {
+fn call(program: &Program, instruction: &Instruction, operands: &[String; 3], names: &dyn ListingNames) -> String {
     let Instruction { op, immediate, .. } = *instruction;
     let [a, b, _] = operands;
     match op {
@@ -193,7 +193,7 @@ fn call(program: &Program, instruction: &Instruction, operands: &[String; 3], na
 }
 
 /// What the surface has.
-fn geometry(immediate: u16, names: &dyn Names) -> String {
+fn geometry(immediate: u16, names: &dyn ListingNames) -> String {
     match immediate {
         at if at == Geometry::Uv0 as u16 => names.uv_set(0),
         at if at == Geometry::Uv1 as u16 => names.uv_set(1),

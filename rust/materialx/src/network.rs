@@ -3,28 +3,28 @@
 
 use std::sync::Arc;
 
-use crate::value::Value;
+use crate::value::PortValue;
 
 /// Most nodes of a network.
 pub const MAX_NODES: usize = 4096;
 
 /// A node.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Node {
+pub struct NetworkNode {
     /// Its path.
     pub path: Arc<str>,
     /// Name of its definition: `ND_multiply_color3`.
     pub kind: Arc<str>,
     /// What is authored: name and value.
-    pub values: Vec<(Arc<str>, Value)>,
+    pub values: Vec<(Arc<str>, PortValue)>,
     /// What is connected: name of the input, number of the node, name of its output.
     pub connections: Vec<(Arc<str>, usize, Arc<str>)>,
 }
 
-impl Node {
+impl NetworkNode {
     /// What is authored of an input.
     #[must_use]
-    pub fn value(&self, name: &str) -> Option<&Value> {
+    pub fn value(&self, name: &str) -> Option<&PortValue> {
         self.values.iter().find(|(known, _)| &**known == name).map(|(_, value)| value)
     }
 
@@ -40,7 +40,7 @@ impl Node {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Network {
     /// Its nodes, at most [`MAX_NODES`].
-    pub nodes: Vec<Node>,
+    pub nodes: Vec<NetworkNode>,
     /// Number of the surface's node.
     pub surface: usize,
     /// Number of the displacement's node.

@@ -13,7 +13,7 @@ pub(crate) const MAX_OCTAVES: u32 = 32;
 
 /// What is added to each further octave of a fractal sum.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Octaves {
+pub(crate) struct FractalOctaves {
     pub(crate) count: u32,
     /// Factor of the coordinates.
     pub(crate) lacunarity: f32,
@@ -21,7 +21,7 @@ pub(crate) struct Octaves {
     pub(crate) diminish: f32,
 }
 
-impl Octaves {
+impl FractalOctaves {
     /// Noise itself.
     pub(crate) const ONE: Self = Self { count: 1, lacunarity: 1.0, diminish: 1.0 };
 }
@@ -137,7 +137,7 @@ fn perlin<const N: usize>(p: [f32; N]) -> [f32; 3] {
 }
 
 /// Sum of octaves of [`perlin`]: its three components.
-pub(crate) fn fractal<const N: usize>(mut p: [f32; N], octaves: Octaves) -> [f32; 3] {
+pub(crate) fn fractal<const N: usize>(mut p: [f32; N], octaves: FractalOctaves) -> [f32; 3] {
     let mut sum = [0.0; 3];
     let mut amplitude = 1.0;
     for _ in 0..octaves.count.min(MAX_OCTAVES) {
@@ -150,7 +150,7 @@ pub(crate) fn fractal<const N: usize>(mut p: [f32; N], octaves: Octaves) -> [f32
 }
 
 /// What cellular noise finds.
-pub(crate) struct Cellular<const N: usize> {
+pub(crate) struct CellularNoise<const N: usize> {
     /// Distances to the three nearest points; 1000 where there is none.
     pub(crate) distances: [f32; 3],
     /// The nearest point.
@@ -160,7 +160,7 @@ pub(crate) struct Cellular<const N: usize> {
 /// The nearest of the points that lie one in a cell, in the cell of `p` and those around it. `jitter` takes them from
 /// the centres of their cells. N is 2 or 3.
 #[expect(clippy::cast_precision_loss, reason = "rounding is part of the definition")]
-pub(crate) fn worley<const N: usize>(p: [f32; N], jitter: f32) -> Cellular<N> {
+pub(crate) fn worley<const N: usize>(p: [f32; N], jitter: f32) -> CellularNoise<N> {
     let cells = p.map(cell);
     let mut squares = [1e6_f32; 3];
     let mut nearest = [0.0; N];
@@ -184,5 +184,5 @@ pub(crate) fn worley<const N: usize>(p: [f32; N], jitter: f32) -> Cellular<N> {
             squares[2] = square;
         }
     }
-    Cellular { distances: squares.map(f32::sqrt), nearest: from_fn(|axis| nearest[axis] + p[axis]) }
+    CellularNoise { distances: squares.map(f32::sqrt), nearest: from_fn(|axis| nearest[axis] + p[axis]) }
 }

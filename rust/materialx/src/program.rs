@@ -20,7 +20,7 @@ pub const MAX_OPACITY_LOOKUPS: usize = oocpt_abi::CUTOUT_LOOKUPS as usize;
 
 /// A texture lookup of a program.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Lookup {
+pub struct ProgramLookup {
     /// Number of the texture.
     pub texture: u32,
     /// Set of texture coordinates whose footprint the filter has; `None`: no filter.
@@ -83,7 +83,7 @@ pub struct Program {
     /// At most [`MAX_CONSTANTS`].
     pub constants: Vec<[f32; 4]>,
     /// At most [`MAX_LOOKUPS`].
-    pub lookups: Vec<Lookup>,
+    pub lookups: Vec<ProgramLookup>,
 }
 
 impl Program {

@@ -5,7 +5,7 @@ use crate::expression::Val;
 
 /// A slab of `OpenPBR`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Slab {
+pub(crate) struct OpenPbrSlab {
     pub(crate) base_color: Val,
     pub(crate) metalness: Val,
     pub(crate) specular_weight: Val,
@@ -45,10 +45,10 @@ pub(crate) struct Slab {
     /// The closure's, which is in its colours too: what it counts in a sum.
     pub(crate) weight: Val,
     /// A fibre: of the rest emission and opacity count.
-    pub(crate) hair: Option<Hair>,
+    pub(crate) hair: Option<HairSlab>,
 }
 
-impl Slab {
+impl OpenPbrSlab {
     /// Black, and nothing else.
     pub(crate) const BLACK: Self = Self {
         base_color: Val::ZERO,
@@ -128,7 +128,7 @@ impl Slab {
 
 /// A fibre.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Hair {
+pub(crate) struct HairSlab {
     /// Of R, TT, TRT.
     pub(crate) tints: [Val; 3],
     pub(crate) ior: Val,
@@ -140,7 +140,7 @@ pub(crate) struct Hair {
     pub(crate) absorption: Val,
 }
 
-impl Hair {
+impl HairSlab {
     pub(crate) fn values(&mut self) -> [&mut Val; 9] {
         let [r, tt, trt] = &mut self.tints;
         let [of_r, of_tt, of_trt] = &mut self.roughnesses;

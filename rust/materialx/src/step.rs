@@ -3,7 +3,7 @@
 //! that texture with a threshold, whatever it is made of (comparisons, curves before a threshold). A threshold is worth
 //! more than a program: it is compared before the texture is filtered, with what masks know of it.
 
-use crate::assemble::{Assembler, InputSource};
+use crate::assemble::{InputSource, ProgramAssembler};
 use crate::expression::Val;
 
 /// Values of the number that tell whether it is a step, beside those from 0 to 1.
@@ -15,7 +15,7 @@ const STEPS: u8 = 64;
 const OTHERS: [[f32; 4]; 6] =
     [[0.3125; 4], [0.0; 4], [1.0; 4], [0.0, 0.3125, 0.75, 1.0], [1.0, 0.75, 0.3125, 0.0], [0.5, 1.0, 0.0, 0.75]];
 
-impl Assembler<'_> {
+impl ProgramAssembler<'_> {
     /// The texture and the threshold, if the surface is there where a number of a texel is not below one value, or
     /// nowhere else. `threshold`: of the opacity; at 0 it is a probability, which has to be 0 or 1.
     pub(crate) fn step(&self, val: Val, threshold: f32) -> Option<(InputSource, f32)> {

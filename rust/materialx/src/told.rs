@@ -3,9 +3,9 @@
 //! where it multiplies and adds by channel it is that texture with scale and bias. Coordinates of a lookup that are an
 //! affine function of one set are told in the same way.
 
-use crate::assemble::{Assembler, InputSource};
+use crate::assemble::{InputSource, ProgramAssembler};
 use crate::expression::Val;
-use crate::program::{Geometry, Lookup};
+use crate::program::{Geometry, ProgramLookup};
 use crate::uses::LookupUse;
 
 /// Texels that tell what an expression does with them, after black.
@@ -23,7 +23,7 @@ fn near(a: f32, b: f32) -> bool {
     (a - b).abs() <= 2.0e-6 * (1.0 + a.abs().max(b.abs()))
 }
 
-impl Assembler<'_> {
+impl ProgramAssembler<'_> {
     /// A constant, a texture or a primvar, if it is one in its first `width` components.
     pub(crate) fn simple(&self, val: Val, width: usize) -> Option<InputSource> {
         if let Val::Constant(value) = val {
@@ -80,9 +80,9 @@ impl Assembler<'_> {
     }
 
     /// A lookup, and whether its place is told by its set and transform alone.
-    pub(crate) fn lookup(&self, number: u32) -> Option<(Lookup, bool)> {
+    pub(crate) fn lookup(&self, number: u32) -> Option<(ProgramLookup, bool)> {
         let LookupUse { texture, place } = *self.lookups.get(number as usize)?;
-        let mut lookup = Lookup { texture, uv: None, transform: [[0.0; 3]; 2], scale: [1.0; 4], bias: [0.0; 4] };
+        let mut lookup = ProgramLookup { texture, uv: None, transform: [[0.0; 3]; 2], scale: [1.0; 4], bias: [0.0; 4] };
         let leaves = self.expressions.leaves(place);
         let (uv0, uv1) = (1 << Geometry::Uv0 as u32, 1 << Geometry::Uv1 as u32);
         let set = match leaves.geometry & (uv0 | uv1) {

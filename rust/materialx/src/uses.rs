@@ -9,7 +9,7 @@ use crate::value::FileRef;
 /// What a texture does outside the unit square.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum AddressMode {
-    /// [`Texture::fallback`] where that is a texel, else transparent black.
+    /// [`MaterialTexture::fallback`] where that is a texel, else transparent black.
     Constant,
     /// The edge goes on.
     Clamp,
@@ -23,7 +23,7 @@ pub enum AddressMode {
 
 /// A texture that a material reads.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Texture {
+pub struct MaterialTexture {
     /// The file.
     pub file: FileRef,
     /// In u and v.
@@ -39,8 +39,8 @@ pub struct Texture {
 
 /// A primvar that a material reads.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Primvar {
-    /// Its name, or [`Uses::POSITION`] or [`Uses::NORMAL`].
+pub struct MaterialPrimvar {
+    /// Its name, or [`MaterialUses::POSITION`] or [`MaterialUses::NORMAL`].
     pub name: Arc<str>,
     /// Its value where the mesh does not have it.
     pub fallback: [f32; 4],
@@ -55,17 +55,17 @@ pub(crate) struct LookupUse {
 
 /// See the module.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Uses {
+pub struct MaterialUses {
     /// Names of sets of texture coordinates.
     pub uv_sets: Vec<Arc<str>>,
     /// Other primvars.
-    pub primvars: Vec<Primvar>,
+    pub primvars: Vec<MaterialPrimvar>,
     /// Textures.
-    pub textures: Vec<Texture>,
+    pub textures: Vec<MaterialTexture>,
     pub(crate) lookups: Vec<LookupUse>,
 }
 
-impl Uses {
+impl MaterialUses {
     /// Sets of texture coordinates, and other primvars, at most.
     pub const MOST: usize = 2;
     /// Name of the point in the frame of the mesh, which every mesh has.
@@ -99,12 +99,12 @@ impl Uses {
         if self.primvars.len() >= Self::MOST {
             return None;
         }
-        self.primvars.push(Primvar { name: name.into(), fallback });
+        self.primvars.push(MaterialPrimvar { name: name.into(), fallback });
         Some(self.primvars.len() - 1)
     }
 
     /// The number of a lookup; `None` when there are too many.
-    pub(crate) fn lookup(&mut self, texture: &Texture, place: Val) -> Option<u16> {
+    pub(crate) fn lookup(&mut self, texture: &MaterialTexture, place: Val) -> Option<u16> {
         let known = self.textures.iter().position(|known| known == texture);
         let at = known.unwrap_or_else(|| {
             self.textures.push(texture.clone());

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 /// Type of a port.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Type {
+pub enum PortType {
     /// `float`, `integer` and `boolean`: one number, in all components.
     Float,
     /// `vector2`.
@@ -30,7 +30,7 @@ pub enum Type {
     Other,
 }
 
-impl Type {
+impl PortType {
     /// The type of a name.
     #[must_use]
     pub fn named(name: &str) -> Self {
@@ -77,7 +77,7 @@ pub struct FileRef {
 
 /// The value of an input.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Value {
+pub enum PortValue {
     /// Numbers: one in all components; what is missing is 0.
     Numbers([f32; 4]),
     /// Text.
@@ -88,17 +88,17 @@ pub enum Value {
     Matrix([[f32; 4]; 4]),
 }
 
-impl Value {
+impl PortValue {
     /// Reads a value as library files write it; `None` where it is none of that type.
     #[must_use]
-    pub fn parse(ty: Type, text: &str) -> Option<Self> {
+    pub fn parse(ty: PortType, text: &str) -> Option<Self> {
         match ty {
-            Type::Text => return Some(Self::Text(text.into())),
-            Type::Float if text == "true" => return Some(Self::Numbers([1.0; 4])),
-            Type::Float if text == "false" => return Some(Self::Numbers([0.0; 4])),
-            Type::Matrix3 => return matrix(text, 3),
-            Type::Matrix4 => return matrix(text, 4),
-            Type::File | Type::Other => return None,
+            PortType::Text => return Some(Self::Text(text.into())),
+            PortType::Float if text == "true" => return Some(Self::Numbers([1.0; 4])),
+            PortType::Float if text == "false" => return Some(Self::Numbers([0.0; 4])),
+            PortType::Matrix3 => return matrix(text, 3),
+            PortType::Matrix4 => return matrix(text, 4),
+            PortType::File | PortType::Other => return None,
             _ => {}
         }
         let mut numbers = [0.0; 4];
@@ -117,7 +117,7 @@ impl Value {
 }
 
 /// Reads a matrix of `width` rows.
-fn matrix(text: &str, width: usize) -> Option<Value> {
+fn matrix(text: &str, width: usize) -> Option<PortValue> {
     let mut rows = [[0.0; 4]; 4];
     let mut count = 0;
     for part in text.split(',') {
@@ -125,5 +125,5 @@ fn matrix(text: &str, width: usize) -> Option<Value> {
         *rows.get_mut(count / width)?.get_mut(count % width)? = number;
         count += 1;
     }
-    (count == width * width).then_some(Value::Matrix(rows))
+    (count == width * width).then_some(PortValue::Matrix(rows))
 }

@@ -7,13 +7,13 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
-use crate::expression::{Expressions, Val};
-use crate::library::{Definition, Graph, GraphNode, Library, Source};
+use crate::expression::{ExpressionGraph, Val};
+use crate::library::{GraphNode, NodeDef, NodeGraph, NodeLibrary, PortSource};
 use crate::network::Network;
 use crate::program::Geometry;
-use crate::slab::Slab;
-use crate::uses::Uses;
-use crate::value::{FileRef, Type, Value};
+use crate::slab::OpenPbrSlab;
+use crate::uses::MaterialUses;
+use crate::value::{FileRef, PortType, PortValue};
 
 /// Most nodes that are visited.
 const MAX_STEPS: usize = 1 << 14;
@@ -24,7 +24,7 @@ const MAX_DEPTH: usize = 128;
 
 /// What an input or output is.
 #[derive(Clone, Debug)]
-pub(crate) enum Bound {
+pub(crate) enum BoundValue {
     Number(Val),
     Text(Arc<str>),
     File(FileRef),
@@ -32,61 +32,61 @@ pub(crate) enum Bound {
     Matrix([[f32; 4]; 4]),
 }
 
-impl Bound {
-    fn of(value: &Value) -> Self {
+impl BoundValue {
+    fn of(value: &PortValue) -> Self {
         match value {
-            Value::Numbers(numbers) => Self::Number(Val::Constant(*numbers)),
-            Value::Text(text) => Self::Text(Arc::clone(text)),
-            Value::File(file) => Self::File(file.clone()),
-            Value::Matrix(rows) => Self::Matrix(*rows),
+            PortValue::Numbers(numbers) => Self::Number(Val::Constant(*numbers)),
+            PortValue::Text(text) => Self::Text(Arc::clone(text)),
+            PortValue::File(file) => Self::File(file.clone()),
+            PortValue::Matrix(rows) => Self::Matrix(*rows),
         }
     }
 }
 
 /// A node: of the network (frame 0), or of a graph that implements another node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(crate) struct At {
+pub(crate) struct NodeAddress {
     frame: usize,
     node: usize,
 }
 
 /// A graph, and the node that it implements.
-struct Frame {
-    graph: Arc<Graph>,
-    owner: At,
+struct GraphFrame {
+    graph: Arc<NodeGraph>,
+    owner: NodeAddress,
 }
 
 /// What is known of a node's output.
 #[derive(Clone, Debug)]
-enum Memo {
+enum MemoizedOutput {
     /// It is being worked out.
     Open,
-    Known(Option<Bound>),
+    Known(Option<BoundValue>),
 }
 
 /// See the module.
-pub(crate) struct Walker<'a> {
+pub(crate) struct NetworkWalker<'a> {
     network: &'a Network,
-    library: &'a Library,
-    frames: Vec<Frame>,
-    frame_of: HashMap<At, usize>,
-    memo: HashMap<(At, Arc<str>), Memo>,
+    library: &'a NodeLibrary,
+    frames: Vec<GraphFrame>,
+    frame_of: HashMap<NodeAddress, usize>,
+    memo: HashMap<(NodeAddress, Arc<str>), MemoizedOutput>,
     /// Closures and surface shaders, and emission: each is worked out once; `None`: it is being worked out.
-    pub(crate) slabs: HashMap<At, Option<Option<Slab>>>,
-    pub(crate) emissions: HashMap<At, Option<Val>>,
+    pub(crate) slabs: HashMap<NodeAddress, Option<Option<OpenPbrSlab>>>,
+    pub(crate) emissions: HashMap<NodeAddress, Option<Val>>,
     /// Random numbers of a hit that are taken.
     pub(crate) choices: usize,
     /// What is walked displaces meshes: they have no place in the world yet, and nobody looks at them.
     pub(crate) is_displacing: bool,
     steps: usize,
     depth: usize,
-    pub(crate) expressions: Expressions,
-    pub(crate) uses: Uses,
+    pub(crate) expressions: ExpressionGraph,
+    pub(crate) uses: MaterialUses,
     pub(crate) problems: Vec<String>,
 }
 
-impl<'a> Walker<'a> {
-    pub(crate) fn new(network: &'a Network, library: &'a Library) -> Self {
+impl<'a> NetworkWalker<'a> {
+    pub(crate) fn new(network: &'a Network, library: &'a NodeLibrary) -> Self {
         Self {
             network,
             library,
@@ -99,8 +99,8 @@ impl<'a> Walker<'a> {
             is_displacing: false,
             steps: 0,
             depth: 0,
-            expressions: Expressions::default(),
-            uses: Uses::default(),
+            expressions: ExpressionGraph::default(),
+            uses: MaterialUses::default(),
             problems: Vec::new(),
         }
     }
@@ -114,7 +114,7 @@ impl<'a> Walker<'a> {
 
     /// Notes that a node is not understood; `role` is what it is there for. Hosts hand over no kind for nodes that they
     /// have no definition of.
-    pub(crate) fn unsupported(&mut self, at: At, role: &str) {
+    pub(crate) fn unsupported(&mut self, at: NodeAddress, role: &str) {
         let (category, path) = (self.category(at), self.path(at));
         self.problem(if category.is_empty() {
             format!("the host has no definition of {path}")
@@ -126,17 +126,17 @@ impl<'a> Walker<'a> {
     }
 
     /// A node of the network.
-    pub(crate) fn terminal(node: usize) -> At {
-        At { frame: 0, node }
+    pub(crate) fn terminal(node: usize) -> NodeAddress {
+        NodeAddress { frame: 0, node }
     }
 
     /// The node of the network's surface.
-    pub(crate) fn surface(&self) -> At {
+    pub(crate) fn surface(&self) -> NodeAddress {
         Self::terminal(self.network.surface)
     }
 
     /// Its definition.
-    pub(crate) fn definition(&self, at: At) -> Option<Arc<Definition>> {
+    pub(crate) fn definition(&self, at: NodeAddress) -> Option<Arc<NodeDef>> {
         if at.frame == 0 {
             let node = self.network.nodes.get(at.node)?;
             return self.library.definition(&node.kind).cloned();
@@ -146,7 +146,7 @@ impl<'a> Walker<'a> {
     }
 
     /// What kind of node it is.
-    pub(crate) fn category(&self, at: At) -> Arc<str> {
+    pub(crate) fn category(&self, at: NodeAddress) -> Arc<str> {
         if at.frame > 0
             && let Some(node) = self.frames.get(at.frame - 1).and_then(|frame| frame.graph.nodes.get(at.node))
         {
@@ -165,14 +165,14 @@ impl<'a> Walker<'a> {
 
     /// Whether a node is one of `MaterialX` 1.38, as far as that is seen: by its definition, or by an input that later
     /// versions do not have.
-    pub(crate) fn is_older(&self, at: At) -> bool {
+    pub(crate) fn is_older(&self, at: NodeAddress) -> bool {
         let is_named =
             at.frame == 0 && self.network.nodes.get(at.node).is_some_and(|node| &*node.kind == "ND_normalmap");
         is_named || self.is_said(at, "space")
     }
 
     /// The node of the network that it is, or is part of: its path, for messages.
-    pub(crate) fn path(&self, mut at: At) -> Arc<str> {
+    pub(crate) fn path(&self, mut at: NodeAddress) -> Arc<str> {
         while at.frame > 0 {
             match self.frames.get(at.frame - 1) {
                 Some(frame) => at = frame.owner,
@@ -183,7 +183,7 @@ impl<'a> Walker<'a> {
     }
 
     /// Whether something is said of an input: a value or a connection.
-    pub(crate) fn is_said(&self, at: At, name: &str) -> bool {
+    pub(crate) fn is_said(&self, at: NodeAddress, name: &str) -> bool {
         if at.frame == 0 {
             let Some(node) = self.network.nodes.get(at.node) else { return false };
             return node.connection(name).is_some() || node.value(name).is_some();
@@ -191,44 +191,44 @@ impl<'a> Walker<'a> {
         let Some(frame) = self.frames.get(at.frame - 1) else { return false };
         let Some(node) = frame.graph.nodes.get(at.node) else { return false };
         match node.inputs.iter().find(|input| &*input.name == name).map(|input| &input.source) {
-            Some(Source::Interface(outer)) => self.is_said(frame.owner, outer),
+            Some(PortSource::Interface(outer)) => self.is_said(frame.owner, outer),
             found => found.is_some(),
         }
     }
 
     /// An input: what it is connected to, else what is said, else its default.
-    pub(crate) fn input(&mut self, at: At, name: &str) -> Option<Bound> {
+    pub(crate) fn input(&mut self, at: NodeAddress, name: &str) -> Option<BoundValue> {
         if let Some(said) = self.said(at, name) {
             return Some(said);
         }
         let definition = self.definition(at)?;
         let input = definition.input(name)?;
         if let Some(geometry) = &input.geometry {
-            return self.geometry_named(at, geometry).map(Bound::Number);
+            return self.geometry_named(at, geometry).map(BoundValue::Number);
         }
-        input.value.as_ref().map(Bound::of)
+        input.value.as_ref().map(BoundValue::of)
     }
 
-    fn said(&mut self, at: At, name: &str) -> Option<Bound> {
+    fn said(&mut self, at: NodeAddress, name: &str) -> Option<BoundValue> {
         let network = self.network;
         if at.frame == 0 {
             let node = network.nodes.get(at.node)?;
             if let Some((upstream, output)) = node.connection(name) {
-                return self.output(At { frame: 0, node: upstream }, output);
+                return self.output(NodeAddress { frame: 0, node: upstream }, output);
             }
-            return node.value(name).map(Bound::of);
+            return node.value(name).map(BoundValue::of);
         }
         let frame = self.frames.get(at.frame - 1)?;
         let (graph, owner) = (Arc::clone(&frame.graph), frame.owner);
         let input = graph.nodes.get(at.node)?.inputs.iter().find(|input| &*input.name == name)?;
         match &input.source {
-            Source::Value(value) => Some(Bound::of(value)),
-            Source::Node(node, output) => self.output(At { frame: at.frame, node: *node }, output),
+            PortSource::Value(value) => Some(BoundValue::of(value)),
+            PortSource::Node(node, output) => self.output(NodeAddress { frame: at.frame, node: *node }, output),
             // The colour space that is nearest to the file counts.
-            Source::Interface(outer) => match self.input(owner, outer)? {
-                Bound::File(file) => {
+            PortSource::Interface(outer) => match self.input(owner, outer)? {
+                BoundValue::File(file) => {
                     let color_space = file.color_space.or_else(|| input.color_space.clone());
-                    Some(Bound::File(FileRef { color_space, ..file }))
+                    Some(BoundValue::File(FileRef { color_space, ..file }))
                 }
                 other => Some(other),
             },
@@ -236,86 +236,86 @@ impl<'a> Walker<'a> {
     }
 
     /// A number.
-    pub(crate) fn number(&mut self, at: At, name: &str) -> Option<Val> {
+    pub(crate) fn number(&mut self, at: NodeAddress, name: &str) -> Option<Val> {
         match self.input(at, name)? {
-            Bound::Number(val) => Some(val),
+            BoundValue::Number(val) => Some(val),
             _ => None,
         }
     }
 
     /// A number, or this one.
-    pub(crate) fn number_or(&mut self, at: At, name: &str, default: f32) -> Val {
+    pub(crate) fn number_or(&mut self, at: NodeAddress, name: &str, default: f32) -> Val {
         self.number(at, name).unwrap_or(Val::number(default))
     }
 
     /// A text.
-    pub(crate) fn text(&mut self, at: At, name: &str) -> Option<Arc<str>> {
+    pub(crate) fn text(&mut self, at: NodeAddress, name: &str) -> Option<Arc<str>> {
         match self.input(at, name)? {
-            Bound::Text(text) => Some(text),
+            BoundValue::Text(text) => Some(text),
             _ => None,
         }
     }
 
     /// The node that an input is connected to, through the interfaces of graphs.
-    pub(crate) fn source_node(&self, at: At, name: &str) -> Option<At> {
-        let (mut at, mut name): (At, Arc<str>) = (at, name.into());
+    pub(crate) fn source_node(&self, at: NodeAddress, name: &str) -> Option<NodeAddress> {
+        let (mut at, mut name): (NodeAddress, Arc<str>) = (at, name.into());
         for _ in 0..MAX_DEPTH {
             if at.frame == 0 {
                 let (node, _) = self.network.nodes.get(at.node)?.connection(&name)?;
-                return (node < self.network.nodes.len()).then_some(At { frame: 0, node });
+                return (node < self.network.nodes.len()).then_some(NodeAddress { frame: 0, node });
             }
             let frame = self.frames.get(at.frame - 1)?;
             let input = frame.graph.nodes.get(at.node)?.inputs.iter().find(|input| input.name == name)?;
             match &input.source {
-                Source::Node(node, _) => return Some(At { frame: at.frame, node: *node }),
-                Source::Interface(outer) => (at, name) = (frame.owner, Arc::clone(outer)),
-                Source::Value(_) => return None,
+                PortSource::Node(node, _) => return Some(NodeAddress { frame: at.frame, node: *node }),
+                PortSource::Interface(outer) => (at, name) = (frame.owner, Arc::clone(outer)),
+                PortSource::Value(_) => return None,
             }
         }
         None
     }
 
     /// The node of the graph that implements a node whose output it is.
-    pub(crate) fn implementation(&mut self, at: At) -> Option<At> {
+    pub(crate) fn implementation(&mut self, at: NodeAddress) -> Option<NodeAddress> {
         let graph = self.definition(at)?.graph.clone()?;
         let frame = self.enter(at, &graph)?;
         match graph.outputs.first()?.1 {
-            Source::Node(node, _) => Some(At { frame, node }),
+            PortSource::Node(node, _) => Some(NodeAddress { frame, node }),
             _ => None,
         }
     }
 
     /// The frame of a graph that implements a node.
-    fn enter(&mut self, at: At, graph: &Arc<Graph>) -> Option<usize> {
+    fn enter(&mut self, at: NodeAddress, graph: &Arc<NodeGraph>) -> Option<usize> {
         if let Some(frame) = self.frame_of.get(&at) {
             return Some(*frame);
         }
         if self.frames.len() >= MAX_STEPS {
             return None;
         }
-        self.frames.push(Frame { graph: Arc::clone(graph), owner: at });
+        self.frames.push(GraphFrame { graph: Arc::clone(graph), owner: at });
         self.frame_of.insert(at, self.frames.len());
         Some(self.frames.len())
     }
 
     /// The type of an input.
-    pub(crate) fn input_type(&self, at: At, name: &str) -> Type {
+    pub(crate) fn input_type(&self, at: NodeAddress, name: &str) -> PortType {
         let found = self.definition(at).and_then(|definition| definition.input(name).map(|input| input.ty));
         let said = || self.graph_node(at)?.inputs.iter().find(|input| &*input.name == name).map(|input| input.ty);
-        found.or_else(said).unwrap_or(Type::Other)
+        found.or_else(said).unwrap_or(PortType::Other)
     }
 
     /// A node of a graph that implements another one.
-    fn graph_node(&self, at: At) -> Option<&GraphNode> {
+    fn graph_node(&self, at: NodeAddress) -> Option<&GraphNode> {
         self.frames.get(at.frame.checked_sub(1)?)?.graph.nodes.get(at.node)
     }
 
     /// An output of a node.
-    pub(crate) fn output(&mut self, at: At, output: &Arc<str>) -> Option<Bound> {
+    pub(crate) fn output(&mut self, at: NodeAddress, output: &Arc<str>) -> Option<BoundValue> {
         let key = (at, Arc::clone(output));
         match self.memo.get(&key) {
-            Some(Memo::Known(known)) => return known.clone(),
-            Some(Memo::Open) => {
+            Some(MemoizedOutput::Known(known)) => return known.clone(),
+            Some(MemoizedOutput::Open) => {
                 let path = self.path(at);
                 self.problem(format!("{path} is connected in a circle"));
                 return None;
@@ -327,19 +327,19 @@ impl<'a> Walker<'a> {
             self.problem("the network is too large".to_owned());
             return None;
         }
-        self.memo.insert(key.clone(), Memo::Open);
+        self.memo.insert(key.clone(), MemoizedOutput::Open);
         self.depth += 1;
         let found = self.work_out(at, output);
         self.depth -= 1;
-        self.memo.insert(key, Memo::Known(found.clone()));
+        self.memo.insert(key, MemoizedOutput::Known(found.clone()));
         found
     }
 
-    fn work_out(&mut self, at: At, output: &Arc<str>) -> Option<Bound> {
+    fn work_out(&mut self, at: NodeAddress, output: &Arc<str>) -> Option<BoundValue> {
         let category = self.category(at);
         let definition = self.definition(at);
         let ty = definition.as_ref().and_then(|definition| definition.output(output));
-        let ty = ty.or_else(|| self.graph_node(at).map(|node| node.ty)).unwrap_or(Type::Other);
+        let ty = ty.or_else(|| self.graph_node(at).map(|node| node.ty)).unwrap_or(PortType::Other);
         if let Some(found) = self.node(at, &category, ty, output) {
             return Some(found);
         }
@@ -351,14 +351,14 @@ impl<'a> Walker<'a> {
         let frame = self.enter(at, &graph)?;
         let found = graph.outputs.iter().find(|(name, _)| output.is_empty() || name == output);
         match &found.or(graph.outputs.first())?.1 {
-            Source::Value(value) => Some(Bound::of(value)),
-            Source::Node(node, output) => self.output(At { frame, node: *node }, output),
-            Source::Interface(name) => self.input(at, name),
+            PortSource::Value(value) => Some(BoundValue::of(value)),
+            PortSource::Node(node, output) => self.output(NodeAddress { frame, node: *node }, output),
+            PortSource::Interface(name) => self.input(at, name),
         }
     }
 
     /// What a default property of the geometry is.
-    fn geometry_named(&mut self, at: At, name: &str) -> Option<Val> {
+    fn geometry_named(&mut self, at: NodeAddress, name: &str) -> Option<Val> {
         if name == "UV0" {
             return Some(self.texcoord("st"));
         }
@@ -378,7 +378,7 @@ impl<'a> Walker<'a> {
 
     /// What the surface has, asked for by a node: of the frame of the mesh or of the world. Tangents are those of the
     /// world always. Where a mesh is displaced its own frame is the only one, with a line for who asks for the world.
-    pub(crate) fn geometry(&mut self, at: At, what: Geometry, is_world: bool) -> Val {
+    pub(crate) fn geometry(&mut self, at: NodeAddress, what: Geometry, is_world: bool) -> Val {
         if self.is_displacing {
             if is_world {
                 let (category, path) = (self.category(at), self.path(at));
@@ -390,8 +390,8 @@ impl<'a> Walker<'a> {
             return self.expressions.geometry(what);
         }
         match what {
-            Geometry::Position if !is_world => self.primvar(Uses::POSITION, [0.0; 4]),
-            Geometry::Normal if !is_world => self.primvar(Uses::NORMAL, [0.0, 1.0, 0.0, 0.0]),
+            Geometry::Position if !is_world => self.primvar(MaterialUses::POSITION, [0.0; 4]),
+            Geometry::Normal if !is_world => self.primvar(MaterialUses::NORMAL, [0.0, 1.0, 0.0, 0.0]),
             _ => self.expressions.geometry(what),
         }
     }
@@ -401,7 +401,10 @@ impl<'a> Walker<'a> {
         match self.uses.uv_set(name) {
             Some(set) => self.expressions.geometry(if set == 0 { Geometry::Uv0 } else { Geometry::Uv1 }),
             None => {
-                self.problem(format!("more than {} sets of texture coordinates: {name} is left out", Uses::MOST));
+                self.problem(format!(
+                    "more than {} sets of texture coordinates: {name} is left out",
+                    MaterialUses::MOST
+                ));
                 Val::ZERO
             }
         }
@@ -412,7 +415,7 @@ impl<'a> Walker<'a> {
         match self.uses.primvar(name, fallback) {
             Some(slot) => self.expressions.geometry(if slot == 0 { Geometry::Primvar0 } else { Geometry::Primvar1 }),
             None => {
-                self.problem(format!("more than {} primvars: {name} is left out", Uses::MOST));
+                self.problem(format!("more than {} primvars: {name} is left out", MaterialUses::MOST));
                 Val::Constant(fallback)
             }
         }

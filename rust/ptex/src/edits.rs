@@ -2,9 +2,9 @@
 //! Edits: blocks appended to a file that replace faces (or metadata, which nobody here reads). A later edit of a face
 //! replaces an earlier one.
 
-use crate::format::{Encoding, Extended, FACE_BYTES, Fields, Header, parse_block, parse_face};
+use crate::format::{BlockEncoding, ExtendedHeader, FACE_BYTES, FieldReader, PtexHeader, parse_block, parse_face};
 use crate::inflate::FileBytes;
-use crate::tables::{Block, Tables};
+use crate::tables::{FaceTables, TexelBlock};
 use crate::{MAX_EDITS, PtexError};
 
 /// Kind (1 byte) and length of what follows (4 bytes).
@@ -19,10 +19,10 @@ const FACE_EDIT_BYTES: u32 = 4 + FACE_BYTES + 4;
 /// same, and so misses the edits that the writer appends there. What the header says is right.
 pub(crate) fn apply(
     file: &FileBytes,
-    header: &Header,
-    extended: &Extended,
+    header: &PtexHeader,
+    extended: &ExtendedHeader,
     start: u64,
-    tables: &mut Tables,
+    tables: &mut FaceTables,
 ) -> Result<(), PtexError> {
     let (mut at, end) = match (extended.edits_at, extended.edit_bytes) {
         // Up to the end, or to the first edit without a length.
@@ -36,7 +36,7 @@ pub(crate) fn apply(
             return Ok(());
         }
         let edit: [u8; EDIT_HEADER_BYTES as usize] = file.array("an edit", at)?;
-        let mut fields = Fields(&edit);
+        let mut fields = FieldReader(&edit);
         let kind = fields.u8();
         let bytes = u64::from(fields.u32());
         if bytes == 0 {
@@ -55,9 +55,9 @@ pub(crate) fn apply(
 /// Replaces one face. `None` if its edit is too short or its face is none.
 fn replace_face(
     file: &FileBytes,
-    header: &Header,
+    header: &PtexHeader,
     edit: std::ops::Range<u64>,
-    tables: &mut Tables,
+    tables: &mut FaceTables,
 ) -> Result<Option<()>, PtexError> {
     let mut texel = vec![0; tables.texel.bytes()];
     let texel_at = edit.start + u64::from(FACE_EDIT_BYTES);
@@ -79,7 +79,11 @@ fn replace_face(
     if u64::from(stored) > left {
         return Ok(None);
     }
-    *block = Block { at: texels_at, stored, encoding: if face.is_constant { Encoding::Constant } else { encoding } };
+    *block = TexelBlock {
+        at: texels_at,
+        stored,
+        encoding: if face.is_constant { BlockEncoding::Constant } else { encoding },
+    };
     constant.copy_from_slice(&texel);
     Ok(Some(()))
 }

@@ -48,7 +48,7 @@ pub enum BorderMode {
 /// One face: its size and its neighbours. Edges are 0 bottom (v = 0), 1 right (u = 1), 2 top (v = 1), 3 left (u = 0),
 /// each walked counter-clockwise.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct Face {
+pub struct PtexFace {
     /// Logarithms of base 2 of the texels along u and v.
     pub log2: [u8; 2],
     /// The face beyond each edge, and which edge of that face it is; `None` at the border of the mesh, and where the
@@ -62,7 +62,7 @@ pub struct Face {
     pub has_edits: bool,
 }
 
-impl Face {
+impl PtexFace {
     /// A face without neighbours, of `1 << log2` texels along u and v.
     pub fn new(log2: [u8; 2]) -> Self {
         Self { log2, adjacent: [None; 4], is_constant: false, is_subface: false, has_edits: false }

@@ -2,10 +2,10 @@
 //! An open file: its header, its tables with the edits applied.
 
 use crate::edits;
-use crate::format::{EXTENDED_BYTES, Extended, HEADER_BYTES, Header};
+use crate::format::{EXTENDED_BYTES, ExtendedHeader, HEADER_BYTES, PtexHeader};
 use crate::inflate::FileBytes;
-use crate::tables::{Parts, Tables};
-use crate::{BorderMode, DataType, Face, MeshType, PtexError, ReadAt};
+use crate::tables::{FaceTables, FileParts};
+use crate::{BorderMode, DataType, MeshType, PtexError, PtexFace, ReadAt};
 
 /// An open Ptex file. Immutable; any number of threads may use it at once. It keeps the table of faces and one texel
 /// for each, about 80 bytes a face, and no others.
@@ -15,7 +15,7 @@ pub struct PtexFile {
     channels: u32,
     alpha_channel: Option<u32>,
     border_modes: [BorderMode; 2],
-    pub(crate) tables: Tables,
+    pub(crate) tables: FaceTables,
 }
 
 impl std::fmt::Debug for PtexFile {
@@ -32,13 +32,13 @@ impl PtexFile {
     /// Texels are not inflated, so their damage shows only in [`Self::read_face`].
     pub fn open(source: Box<dyn ReadAt>) -> Result<Self, PtexError> {
         let bytes = FileBytes::new(source);
-        let header = Header::parse(&bytes.array("the header", 0)?)?;
+        let header = PtexHeader::parse(&bytes.array("the header", 0)?)?;
         let mut extended = [0; EXTENDED_BYTES as usize];
         let stored = extended.len().min(header.extended_bytes as usize);
         bytes.fill("the extended header", HEADER_BYTES.into(), extended.get_mut(..stored).unwrap_or_default())?;
-        let extended = Extended::parse(&extended)?;
-        let parts = Parts::new(&bytes, &header, &extended)?;
-        let mut tables = Tables::read(&bytes, &header, &parts)?;
+        let extended = ExtendedHeader::parse(&extended)?;
+        let parts = FileParts::new(&bytes, &header, &extended)?;
+        let mut tables = FaceTables::read(&bytes, &header, &parts)?;
         edits::apply(&bytes, &header, &extended, parts.end, &mut tables)?;
         Ok(Self {
             bytes,
@@ -76,7 +76,7 @@ impl PtexFile {
     }
 
     /// All faces, in the order of the mesh (see the [crate] documentation).
-    pub fn faces(&self) -> &[Face] {
+    pub fn faces(&self) -> &[PtexFace] {
         &self.tables.faces
     }
 

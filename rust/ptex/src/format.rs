@@ -2,7 +2,7 @@
 //! The fixed-size records of a file: headers, faces and the words that describe blocks of texels. All little-endian and
 //! packed, as the Ptex file format has them. Parsing checks each field on its own; where parts lie is checked later.
 
-use crate::{BorderMode, DataType, Face, MAX_CHANNELS, MAX_FACES, MAX_LOG2, MeshType, PtexError};
+use crate::{BorderMode, DataType, MAX_CHANNELS, MAX_FACES, MAX_LOG2, MeshType, PtexError, PtexFace};
 
 pub(crate) const MAGIC: [u8; 4] = *b"Ptex";
 pub(crate) const VERSION: u32 = 1;
@@ -22,9 +22,9 @@ const IS_SUBFACE: u8 = 8;
 const LENGTH_BITS: u32 = 30;
 
 /// Fields one after the other. A field beyond the end is zero: extended headers of old files are shorter.
-pub(crate) struct Fields<'a>(pub(crate) &'a [u8]);
+pub(crate) struct FieldReader<'a>(pub(crate) &'a [u8]);
 
-impl Fields<'_> {
+impl FieldReader<'_> {
     fn take<const N: usize>(&mut self) -> [u8; N] {
         let (field, rest) = self.0.split_first_chunk().unwrap_or((&[0; N], &[]));
         self.0 = rest;
@@ -50,7 +50,7 @@ impl Fields<'_> {
 
 /// What all files begin with. Lengths are of parts as they are stored, bytes.
 #[derive(Clone, Debug)]
-pub(crate) struct Header {
+pub(crate) struct PtexHeader {
     pub(crate) mesh_type: MeshType,
     pub(crate) data_type: DataType,
     pub(crate) alpha_channel: Option<u32>,
@@ -65,9 +65,9 @@ pub(crate) struct Header {
     pub(crate) metadata_bytes: u32,
 }
 
-impl Header {
+impl PtexHeader {
     pub(crate) fn parse(bytes: &[u8; HEADER_BYTES as usize]) -> Result<Self, PtexError> {
-        let mut fields = Fields(bytes);
+        let mut fields = FieldReader(bytes);
         if fields.take() != MAGIC {
             return Err(PtexError::Magic);
         }
@@ -162,7 +162,7 @@ fn data_type(value: u32) -> Result<DataType, PtexError> {
 
 /// What follows the header, in all but the oldest files.
 #[derive(Clone, Debug)]
-pub(crate) struct Extended {
+pub(crate) struct ExtendedHeader {
     pub(crate) border_modes: [BorderMode; 2],
     pub(crate) large_metadata_header_bytes: u32,
     pub(crate) large_metadata_bytes: u64,
@@ -171,9 +171,9 @@ pub(crate) struct Extended {
     pub(crate) edits_at: u64,
 }
 
-impl Extended {
+impl ExtendedHeader {
     pub(crate) fn parse(bytes: &[u8]) -> Result<Self, PtexError> {
-        let mut fields = Fields(bytes);
+        let mut fields = FieldReader(bytes);
         let border_u = border_mode(fields.u16())?;
         let _padding = fields.u16();
         let border_v = border_mode(fields.u16())?;
@@ -211,8 +211,12 @@ fn border_mode(value: u16) -> Result<BorderMode, PtexError> {
 }
 
 /// Face number `face` of a mesh of `faces`.
-pub(crate) fn parse_face(record: [u8; FACE_BYTES as usize], face: u32, header: &Header) -> Result<Face, PtexError> {
-    let mut fields = Fields(&record);
+pub(crate) fn parse_face(
+    record: [u8; FACE_BYTES as usize],
+    face: u32,
+    header: &PtexHeader,
+) -> Result<PtexFace, PtexError> {
+    let mut fields = FieldReader(&record);
     let log2 = [fields.u8(), fields.u8()];
     if log2.iter().any(|log2| *log2 > MAX_LOG2) {
         return Err(PtexError::Resolution { face, log2: log2.map(u8::cast_signed) });
@@ -230,7 +234,7 @@ pub(crate) fn parse_face(record: [u8; FACE_BYTES as usize], face: u32, header: &
         let edge = (edges >> (2 * side)) & 3;
         *adjacent = (face < header.faces && usize::from(edge) < sides).then_some((face, edge));
     }
-    Ok(Face {
+    Ok(PtexFace {
         log2,
         adjacent,
         // Readers take the one texel of a face from the same table as those of constant faces.
@@ -241,7 +245,7 @@ pub(crate) fn parse_face(record: [u8; FACE_BYTES as usize], face: u32, header: &
 }
 
 /// The record of a face that has no edits.
-pub(crate) fn face_record(face: &Face) -> [u8; FACE_BYTES as usize] {
+pub(crate) fn face_record(face: &PtexFace) -> [u8; FACE_BYTES as usize] {
     let mut edges = 0;
     let mut faces = [u32::MAX; 4];
     for (side, (adjacent, number)) in face.adjacent.iter().zip(&mut faces).enumerate() {
@@ -260,7 +264,7 @@ pub(crate) fn face_record(face: &Face) -> [u8; FACE_BYTES as usize] {
 
 /// How a block holds its texels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Encoding {
+pub(crate) enum BlockEncoding {
     /// One texel for all.
     Constant,
     /// Planes of channels, compressed.
@@ -272,23 +276,23 @@ pub(crate) enum Encoding {
 }
 
 /// Splits a block's word into how it is encoded and its length in the file, bytes.
-pub(crate) fn parse_block(word: u32) -> (Encoding, u32) {
+pub(crate) fn parse_block(word: u32) -> (BlockEncoding, u32) {
     let encoding = match word >> LENGTH_BITS {
-        0 => Encoding::Constant,
-        1 => Encoding::Zipped,
-        2 => Encoding::DiffZipped,
-        _ => Encoding::Tiled,
+        0 => BlockEncoding::Constant,
+        1 => BlockEncoding::Zipped,
+        2 => BlockEncoding::DiffZipped,
+        _ => BlockEncoding::Tiled,
     };
     (encoding, word & ((1 << LENGTH_BITS) - 1))
 }
 
 /// The word of a block of less than 1 GiB.
-pub(crate) fn block_word(encoding: Encoding, bytes: usize) -> Result<u32, PtexError> {
+pub(crate) fn block_word(encoding: BlockEncoding, bytes: usize) -> Result<u32, PtexError> {
     let number = match encoding {
-        Encoding::Constant => 0,
-        Encoding::Zipped => 1,
-        Encoding::DiffZipped => 2,
-        Encoding::Tiled => 3,
+        BlockEncoding::Constant => 0,
+        BlockEncoding::Zipped => 1,
+        BlockEncoding::DiffZipped => 2,
+        BlockEncoding::Tiled => 3,
     };
     let bytes = u32::try_from(bytes).ok().filter(|bytes| bytes >> LENGTH_BITS == 0);
     bytes.map(|bytes| bytes | number << LENGTH_BITS).ok_or(PtexError::Caller("a face of 1 GiB once compressed"))

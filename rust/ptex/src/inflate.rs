@@ -17,7 +17,7 @@ pub(crate) struct FileBytes {
 
 /// Where a part is in the file.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Part {
+pub(crate) struct StoredPart {
     pub(crate) name: &'static str,
     pub(crate) at: u64,
     /// Bytes in the file.
@@ -35,14 +35,14 @@ impl FileBytes {
     }
 
     /// Fails unless the file holds all of a part.
-    pub(crate) fn check(&self, part: Part) -> Result<(), PtexError> {
+    pub(crate) fn check(&self, part: StoredPart) -> Result<(), PtexError> {
         let end = part.at.checked_add(part.stored);
         end.filter(|end| *end <= self.size).map(|_| ()).ok_or(PtexError::Truncated(part.name))
     }
 
     pub(crate) fn fill(&self, name: &'static str, at: u64, out: &mut [u8]) -> Result<(), PtexError> {
         let stored = u64::try_from(out.len()).unwrap_or(u64::MAX);
-        self.check(Part { name, at, stored })?;
+        self.check(StoredPart { name, at, stored })?;
         Ok(self.source.read_at(at, out)?)
     }
 
@@ -65,7 +65,7 @@ impl Inflater {
     }
 
     /// Fills `out` with what a part inflates to. Fails unless that is just its length.
-    pub(crate) fn fill(&mut self, file: &FileBytes, part: Part, out: &mut [u8]) -> Result<(), PtexError> {
+    pub(crate) fn fill(&mut self, file: &FileBytes, part: StoredPart, out: &mut [u8]) -> Result<(), PtexError> {
         check_ratio(part, u64::try_from(out.len()).unwrap_or(u64::MAX))?;
         file.check(part)?;
         resize(&mut self.stored, part.stored)?;
@@ -81,7 +81,7 @@ impl Inflater {
     }
 
     /// A part that inflates to `bytes`.
-    pub(crate) fn table(&mut self, file: &FileBytes, part: Part, bytes: u64) -> Result<Vec<u8>, PtexError> {
+    pub(crate) fn table(&mut self, file: &FileBytes, part: StoredPart, bytes: u64) -> Result<Vec<u8>, PtexError> {
         check_table(part, bytes)?;
         file.check(part)?;
         let mut out = Vec::new();
@@ -92,7 +92,7 @@ impl Inflater {
 }
 
 /// Fails if a part cannot be a table of `bytes`.
-pub(crate) fn check_table(part: Part, bytes: u64) -> Result<(), PtexError> {
+pub(crate) fn check_table(part: StoredPart, bytes: u64) -> Result<(), PtexError> {
     if bytes > MAX_BYTES {
         return Err(PtexError::TooLarge { part: part.name, bytes });
     }
@@ -100,8 +100,8 @@ pub(crate) fn check_table(part: Part, bytes: u64) -> Result<(), PtexError> {
 }
 
 /// Fails if no stream of this length inflates to `bytes`.
-pub(crate) fn check_ratio(part: Part, bytes: u64) -> Result<(), PtexError> {
-    let Part { name, stored, .. } = part;
+pub(crate) fn check_ratio(part: StoredPart, bytes: u64) -> Result<(), PtexError> {
+    let StoredPart { name, stored, .. } = part;
     if bytes > stored.saturating_mul(MOST_RATIO) {
         return Err(PtexError::Ratio { part: name, bytes, stored });
     }

@@ -37,8 +37,8 @@
 //! that brings it into the unit square, and e' the neighbour's edge, then the neighbour's coordinates of it are, by
 //! (e - e' + 2) mod 4: 0 (u, v), 1 (v, 1 - u), 2 (1 - u, 1 - v), 3 (1 - v, u).
 //!
-//! Beyond the edge of a quad may be two subfaces, of one polygon. [`Face::adjacent`] names the one at the first half
-//! of the edge, walked counter-clockwise (t < 1/2), with its edge there, which is 3. The other one, at t > 1/2, is
+//! Beyond the edge of a quad may be two subfaces, of one polygon. [`PtexFace::adjacent`] names the one at the first
+//! half of the edge, walked counter-clockwise (t < 1/2), with its edge there, which is 3. The other one, at t > 1/2, is
 //! what that one has beyond its edge (3 + 3) mod 4 = 2; its edge 0 is the one at the quad. Each of the two covers a
 //! half of the edge with all of its own. From a subface to a quad, the quad is named by both; the subface is at the
 //! first half of the quad's edge if the quad names it there, else at the second half. Between subfaces of two
@@ -79,7 +79,7 @@ mod texels;
 mod write;
 
 pub use error::PtexError;
-pub use face::{BorderMode, DataType, Face, MeshType};
+pub use face::{BorderMode, DataType, MeshType, PtexFace};
 pub use file::PtexFile;
 pub use source::ReadAt;
 pub use write::PtexWriter;

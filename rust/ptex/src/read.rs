@@ -2,21 +2,21 @@
 //! Reading the texels of a face. Each call reads the file anew and keeps nothing.
 
 use crate::file::PtexFile;
-use crate::format::{Encoding, Fields, parse_block};
-use crate::inflate::{Inflater, Part, check_ratio, resize};
-use crate::tables::Block;
-use crate::texels::{Rect, undo_differences};
-use crate::{Face, MAX_BYTES, PtexError};
+use crate::format::{BlockEncoding, FieldReader, parse_block};
+use crate::inflate::{Inflater, StoredPart, check_ratio, resize};
+use crate::tables::TexelBlock;
+use crate::texels::{FaceRect, undo_differences};
+use crate::{MAX_BYTES, PtexError, PtexFace};
 
 const TEXELS: &str = "the face";
 /// Logarithms of the resolution of tiles along u and v, then the length of their table.
 const TILES_HEADER_BYTES: u32 = 2 + 4;
 
 /// How a face is cut.
-struct Tiles {
+struct FaceTiles {
     log2: [u8; 2],
     /// One for each tile, rows of increasing v, u fastest.
-    blocks: Vec<Block>,
+    blocks: Vec<TexelBlock>,
 }
 
 impl PtexFile {
@@ -60,8 +60,8 @@ impl PtexFile {
             return Ok(());
         }
         let block = *self.tables.blocks.get(face as usize).ok_or(PtexError::NoFace(face))?;
-        let mut reading = Reading { file: self, inflater: Inflater::new(), planes: Vec::new() };
-        if block.encoding != Encoding::Tiled {
+        let mut reading = FaceReader { file: self, inflater: Inflater::new(), planes: Vec::new() };
+        if block.encoding != BlockEncoding::Tiled {
             reading.check(block, bytes)?;
             resize(out, bytes)?;
             return reading.block(block, whole, out);
@@ -76,47 +76,47 @@ impl PtexFile {
         let columns = whole.face_width >> tiles.log2[0];
         for (number, tile) in tiles.blocks.iter().enumerate() {
             let at = [number % columns.max(1) * size[0], number / columns.max(1) * size[1]];
-            reading.block(*tile, Rect { at, size, ..whole }, out)?;
+            reading.block(*tile, FaceRect { at, size, ..whole }, out)?;
         }
         Ok(())
     }
 
-    fn face(&self, face: u32) -> Result<&Face, PtexError> {
+    fn face(&self, face: u32) -> Result<&PtexFace, PtexError> {
         self.tables.faces.get(face as usize).ok_or(PtexError::NoFace(face))
     }
 }
 
-fn whole(face: &Face) -> Rect {
+fn whole(face: &PtexFace) -> FaceRect {
     let size = face.log2.map(|log2| 1_usize << log2);
-    Rect { at: [0; 2], size, face_width: size[0] }
+    FaceRect { at: [0; 2], size, face_width: size[0] }
 }
 
-struct Reading<'a> {
+struct FaceReader<'a> {
     file: &'a PtexFile,
     inflater: Inflater,
     /// Texels of a block before their channels come together.
     planes: Vec<u8>,
 }
 
-impl Reading<'_> {
+impl FaceReader<'_> {
     /// Fails if a block cannot hold `bytes` bytes of texels.
-    fn check(&self, block: Block, bytes: u64) -> Result<(), PtexError> {
+    fn check(&self, block: TexelBlock, bytes: u64) -> Result<(), PtexError> {
         match block.encoding {
-            Encoding::Constant if (block.stored as usize) < self.file.texel_bytes() => {
+            BlockEncoding::Constant if (block.stored as usize) < self.file.texel_bytes() => {
                 Err(PtexError::Truncated("a texel"))
             }
-            Encoding::Constant => Ok(()),
-            Encoding::Zipped | Encoding::DiffZipped => check_ratio(part(block), bytes),
+            BlockEncoding::Constant => Ok(()),
+            BlockEncoding::Zipped | BlockEncoding::DiffZipped => check_ratio(part(block), bytes),
             // A tile is not cut into tiles.
-            Encoding::Tiled => Err(PtexError::Damaged("the table of tiles")),
+            BlockEncoding::Tiled => Err(PtexError::Damaged("the table of tiles")),
         }
     }
 
     /// Reads a block that has been checked to a rectangle of `out`.
-    fn block(&mut self, block: Block, rect: Rect, out: &mut [u8]) -> Result<(), PtexError> {
+    fn block(&mut self, block: TexelBlock, rect: FaceRect, out: &mut [u8]) -> Result<(), PtexError> {
         let texel = self.file.tables.texel;
         let bytes = &self.file.bytes;
-        if block.encoding == Encoding::Constant {
+        if block.encoding == BlockEncoding::Constant {
             resize(&mut self.planes, texel.bytes() as u64)?;
             bytes.fill("a texel", block.at, &mut self.planes)?;
             texel.swap_bytes(&mut self.planes);
@@ -125,7 +125,7 @@ impl Reading<'_> {
         }
         resize(&mut self.planes, (rect.size[0] * rect.size[1] * texel.bytes()) as u64)?;
         self.inflater.fill(bytes, part(block), &mut self.planes)?;
-        if block.encoding == Encoding::DiffZipped {
+        if block.encoding == BlockEncoding::DiffZipped {
             undo_differences(&mut self.planes, texel.data_type);
         }
         texel.place(&self.planes, rect, out);
@@ -133,11 +133,11 @@ impl Reading<'_> {
     }
 
     /// Reads where the tiles of a face of `log2` are.
-    fn tiles(&mut self, block: Block, log2: [u8; 2]) -> Result<Tiles, PtexError> {
+    fn tiles(&mut self, block: TexelBlock, log2: [u8; 2]) -> Result<FaceTiles, PtexError> {
         let cut_short = PtexError::Truncated("the table of tiles");
         let Some(left) = block.stored.checked_sub(TILES_HEADER_BYTES) else { return Err(cut_short) };
         let bytes: [u8; TILES_HEADER_BYTES as usize] = self.file.bytes.array("the table of tiles", block.at)?;
-        let mut fields = Fields(&bytes);
+        let mut fields = FieldReader(&bytes);
         let tile_log2 = [fields.u8(), fields.u8()];
         let table_bytes = fields.u32();
         let (Some(u), Some(v)) = (log2[0].checked_sub(tile_log2[0]), log2[1].checked_sub(tile_log2[1])) else {
@@ -149,22 +149,22 @@ impl Reading<'_> {
             return Err(cut_short);
         }
         let at = block.at + u64::from(TILES_HEADER_BYTES);
-        let table = Part { name: "the table of tiles", at, stored: table_bytes.into() };
+        let table = StoredPart { name: "the table of tiles", at, stored: table_bytes.into() };
         let words = self.inflater.table(&self.file.bytes, table, u64::from(count) * 4)?;
         let mut at = table.at + table.stored;
         let end = block.at + u64::from(block.stored);
         let mut blocks = Vec::new();
-        let needed = u64::from(count) * size_of::<Block>() as u64;
+        let needed = u64::from(count) * size_of::<TexelBlock>() as u64;
         blocks.try_reserve_exact(count as usize).map_err(|_no_memory| PtexError::OutOfMemory(needed))?;
         for word in words.as_chunks().0 {
             let (encoding, stored) = parse_block(u32::from_le_bytes(*word));
-            blocks.push(Block { at, stored, encoding });
+            blocks.push(TexelBlock { at, stored, encoding });
             at = at.checked_add(stored.into()).filter(|at| *at <= end).ok_or(PtexError::Truncated("a tile"))?;
         }
-        Ok(Tiles { log2: tile_log2, blocks })
+        Ok(FaceTiles { log2: tile_log2, blocks })
     }
 }
 
-fn part(block: Block) -> Part {
-    Part { name: TEXELS, at: block.at, stored: block.stored.into() }
+fn part(block: TexelBlock) -> StoredPart {
+    StoredPart { name: TEXELS, at: block.at, stored: block.stored.into() }
 }

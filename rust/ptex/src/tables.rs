@@ -2,34 +2,35 @@
 //! What a file says of each face, and where its texels are.
 
 use crate::format::{
-    BARRIER_BYTES, Encoding, Extended, FACE_BYTES, Fields, HEADER_BYTES, Header, LEVEL_BYTES, parse_block, parse_face,
+    BARRIER_BYTES, BlockEncoding, ExtendedHeader, FACE_BYTES, FieldReader, HEADER_BYTES, LEVEL_BYTES, PtexHeader,
+    parse_block, parse_face,
 };
-use crate::inflate::{FileBytes, Inflater, Part, check_table};
-use crate::texels::Texel;
-use crate::{Face, PtexError};
+use crate::inflate::{FileBytes, Inflater, StoredPart, check_table};
+use crate::texels::TexelLayout;
+use crate::{PtexError, PtexFace};
 
 /// What the file says of each face.
-pub(crate) struct Tables {
-    pub(crate) texel: Texel,
-    pub(crate) faces: Vec<Face>,
+pub(crate) struct FaceTables {
+    pub(crate) texel: TexelLayout,
+    pub(crate) faces: Vec<PtexFace>,
     /// For each face, where its texels are.
-    pub(crate) blocks: Vec<Block>,
+    pub(crate) blocks: Vec<TexelBlock>,
     /// For each face, its only texel, or (of those that are not constant) the average.
     pub(crate) constants: Vec<u8>,
 }
 
 /// Texels in the file.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Block {
+pub(crate) struct TexelBlock {
     pub(crate) at: u64,
     pub(crate) stored: u32,
-    pub(crate) encoding: Encoding,
+    pub(crate) encoding: BlockEncoding,
 }
 
-impl Tables {
+impl FaceTables {
     /// Reads them as the file was first written: without edits.
-    pub(crate) fn read(bytes: &FileBytes, header: &Header, parts: &Parts) -> Result<Self, PtexError> {
-        let texel = Texel { data_type: header.data_type, channels: header.channels.into() };
+    pub(crate) fn read(bytes: &FileBytes, header: &PtexHeader, parts: &FileParts) -> Result<Self, PtexError> {
+        let texel = TexelLayout { data_type: header.data_type, channels: header.channels.into() };
         let count = u64::from(header.faces);
         let [face_bytes, constant_bytes] = [count * u64::from(FACE_BYTES), count * texel.bytes() as u64];
         // Before anything is inflated, so that a file that lies of the number of its faces costs nothing.
@@ -44,7 +45,7 @@ impl Tables {
     }
 
     /// A face, its block and its texel.
-    pub(crate) fn face_mut(&mut self, face: u32) -> Option<(&mut Face, &mut Block, &mut [u8])> {
+    pub(crate) fn face_mut(&mut self, face: u32) -> Option<(&mut PtexFace, &mut TexelBlock, &mut [u8])> {
         let face = face as usize;
         let constant = self.constants.chunks_exact_mut(self.texel.bytes()).nth(face)?;
         Some((self.faces.get_mut(face)?, self.blocks.get_mut(face)?, constant))
@@ -52,20 +53,20 @@ impl Tables {
 }
 
 /// Where the parts are.
-pub(crate) struct Parts {
-    faces: Part,
-    constants: Part,
-    level_info: Part,
-    level_data: Part,
+pub(crate) struct FileParts {
+    faces: StoredPart,
+    constants: StoredPart,
+    level_info: StoredPart,
+    level_data: StoredPart,
     /// The end of all that is not edits.
     pub(crate) end: u64,
 }
 
-impl Parts {
-    pub(crate) fn new(bytes: &FileBytes, header: &Header, extended: &Extended) -> Result<Self, PtexError> {
+impl FileParts {
+    pub(crate) fn new(bytes: &FileBytes, header: &PtexHeader, extended: &ExtendedHeader) -> Result<Self, PtexError> {
         let mut at = u64::from(HEADER_BYTES);
         let mut next = |name, stored| {
-            let part = Part { name, at, stored };
+            let part = StoredPart { name, at, stored };
             at = at.checked_add(stored).ok_or(PtexError::Truncated(name))?;
             Ok::<_, PtexError>(part)
         };
@@ -85,7 +86,7 @@ impl Parts {
     }
 }
 
-fn read_faces(table: &[u8], header: &Header) -> Result<Vec<Face>, PtexError> {
+fn read_faces(table: &[u8], header: &PtexHeader) -> Result<Vec<PtexFace>, PtexError> {
     let mut faces = reserved(header.faces)?;
     for (face, record) in (0..).zip(table.as_chunks().0) {
         faces.push(parse_face(*record, face, header)?);
@@ -96,15 +97,15 @@ fn read_faces(table: &[u8], header: &Header) -> Result<Vec<Face>, PtexError> {
 /// Where the texels of the finest level are; the other levels are not read.
 fn read_blocks(
     bytes: &FileBytes,
-    header: &Header,
-    parts: &Parts,
+    header: &PtexHeader,
+    parts: &FileParts,
     inflater: &mut Inflater,
-) -> Result<Vec<Block>, PtexError> {
+) -> Result<Vec<TexelBlock>, PtexError> {
     if parts.level_info.stored < LEVEL_BYTES.into() {
         return Err(PtexError::Truncated(parts.level_info.name));
     }
     let level: [u8; LEVEL_BYTES as usize] = bytes.array(parts.level_info.name, parts.level_info.at)?;
-    let mut fields = Fields(&level);
+    let mut fields = FieldReader(&level);
     let level_bytes = fields.u64();
     let words_bytes = u64::from(fields.u32());
     let faces = fields.u32();
@@ -114,14 +115,14 @@ fn read_blocks(
     if level_bytes > parts.level_data.stored || words_bytes > level_bytes {
         return Err(PtexError::Truncated("level 0"));
     }
-    let words = Part { name: "the table of blocks", at: parts.level_data.at, stored: words_bytes };
+    let words = StoredPart { name: "the table of blocks", at: parts.level_data.at, stored: words_bytes };
     let table = inflater.table(bytes, words, u64::from(faces) * 4)?;
     let mut at = words.at + words_bytes;
     let end = words.at + level_bytes;
     let mut blocks = reserved(faces)?;
     for word in table.as_chunks().0 {
         let (encoding, stored) = parse_block(u32::from_le_bytes(*word));
-        blocks.push(Block { at, stored, encoding });
+        blocks.push(TexelBlock { at, stored, encoding });
         at = at.checked_add(stored.into()).filter(|at| *at <= end).ok_or(PtexError::Truncated("level 0"))?;
     }
     Ok(blocks)

@@ -7,27 +7,27 @@ use crate::DataType;
 
 /// What a texel is.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Texel {
+pub(crate) struct TexelLayout {
     pub(crate) data_type: DataType,
     pub(crate) channels: usize,
 }
 
 /// Rectangle of a face, texels.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Rect {
+pub(crate) struct FaceRect {
     pub(crate) at: [usize; 2],
     pub(crate) size: [usize; 2],
     /// Texels of a row of the face.
     pub(crate) face_width: usize,
 }
 
-impl Texel {
+impl TexelLayout {
     pub(crate) fn bytes(self) -> usize {
         self.data_type.bytes() * self.channels
     }
 
     /// Copies planes to a rectangle of the face `out`.
-    pub(crate) fn place(self, planes: &[u8], rect: Rect, out: &mut [u8]) {
+    pub(crate) fn place(self, planes: &[u8], rect: FaceRect, out: &mut [u8]) {
         match self.data_type.bytes() {
             1 => interleave::<1>(planes, self.channels, rect, out),
             2 => interleave::<2>(planes, self.channels, rect, out),
@@ -36,7 +36,7 @@ impl Texel {
     }
 
     /// Copies a rectangle of the face `from` to planes.
-    pub(crate) fn planes(self, from: &[u8], rect: Rect) -> Vec<u8> {
+    pub(crate) fn planes(self, from: &[u8], rect: FaceRect) -> Vec<u8> {
         let value = self.data_type.bytes();
         let mut planes = Vec::with_capacity(rect.size[0] * rect.size[1] * self.bytes());
         for channel in 0..self.channels {
@@ -50,7 +50,7 @@ impl Texel {
     }
 
     /// Copies one texel everywhere in a rectangle of the face `out`.
-    pub(crate) fn fill(self, texel: &[u8], rect: Rect, out: &mut [u8]) {
+    pub(crate) fn fill(self, texel: &[u8], rect: FaceRect, out: &mut [u8]) {
         for row in rows_mut(out, rect, self.bytes()) {
             row.chunks_exact_mut(self.bytes()).zip(std::iter::repeat(texel)).for_each(|(to, texel)| {
                 to.iter_mut().zip(texel).for_each(|(to, from)| *to = *from);
@@ -67,20 +67,20 @@ impl Texel {
 }
 
 /// The rows of a rectangle of a face, bytes.
-fn rows(face: &[u8], rect: Rect, texel: usize) -> impl Iterator<Item = &[u8]> {
+fn rows(face: &[u8], rect: FaceRect, texel: usize) -> impl Iterator<Item = &[u8]> {
     let [start, end] = [rect.at[0] * texel, (rect.at[0] + rect.size[0]) * texel];
     let rows = face.chunks_exact(rect.face_width * texel).skip(rect.at[1]).take(rect.size[1]);
     rows.filter_map(move |row| row.get(start..end))
 }
 
-fn rows_mut(face: &mut [u8], rect: Rect, texel: usize) -> impl Iterator<Item = &mut [u8]> {
+fn rows_mut(face: &mut [u8], rect: FaceRect, texel: usize) -> impl Iterator<Item = &mut [u8]> {
     let [start, end] = [rect.at[0] * texel, (rect.at[0] + rect.size[0]) * texel];
     let rows = face.chunks_exact_mut(rect.face_width * texel).skip(rect.at[1]).take(rect.size[1]);
     rows.filter_map(move |row| row.get_mut(start..end))
 }
 
 /// `N` is the bytes of a value.
-fn interleave<const N: usize>(planes: &[u8], channels: usize, rect: Rect, out: &mut [u8]) {
+fn interleave<const N: usize>(planes: &[u8], channels: usize, rect: FaceRect, out: &mut [u8]) {
     let row_bytes = rect.size[0] * N;
     for (channel, plane) in planes.chunks_exact(row_bytes * rect.size[1]).take(channels).enumerate() {
         for (from, to) in plane.chunks_exact(row_bytes).zip(rows_mut(out, rect, channels * N)) {

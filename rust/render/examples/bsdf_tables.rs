@@ -14,7 +14,7 @@ fn main() -> io::Result<()> {
     let tables: [Table; 3] = [
         ("ggx", bsdf_tables::compute),
         ("sheen", sheen::compute),
-        ("glass", || glass::make::Losses::compute().bytes()),
+        ("glass", || glass::make::GlassLosses::compute().bytes()),
     ];
     for (name, compute) in tables {
         if only.as_deref().is_none_or(|only| only == name) {

@@ -8,10 +8,10 @@
 use crate::device::WAVE_TIMEOUT;
 use crate::error::RenderError;
 use crate::sync::lock;
-use crate::wave::{Piece, Wave};
-use oocpt_abi::{Adaptive as Block, Push};
+use crate::wave::{Wave, WavePiece};
+use oocpt_abi::{AdaptiveSampling as Block, PushConstants};
 use oocpt_core::adaptive::{AdaptiveSchedule, AdaptiveUsage, RING, STREAMS, VarianceEstimate};
-use oocpt_gpu::{Buffer, Gpu, GpuError, Usage};
+use oocpt_gpu::{Buffer, BufferUsage, Gpu, GpuError};
 use rayon::prelude::*;
 use std::sync::{Arc, Mutex};
 
@@ -20,7 +20,7 @@ const _: () = assert!(oocpt_core::adaptive::BAND_SHIFT == oocpt_abi::BAND_SHIFT,
 
 /// See the module.
 #[derive(Debug)]
-pub(crate) struct Adaptive {
+pub(crate) struct AdaptiveBuffers {
     gpu: Arc<Gpu>,
     pixels: u64,
     block: Buffer,
@@ -32,16 +32,16 @@ pub(crate) struct Adaptive {
     pub(crate) is_naive: bool,
 }
 
-impl Adaptive {
+impl AdaptiveBuffers {
     /// Memory for an image of so many pixels: 80 bytes each.
     pub(crate) fn new(gpu: &Arc<Gpu>, pixels: u64) -> Result<Self, GpuError> {
         let streams = pixels * STREAMS as u64;
         Ok(Self {
             gpu: Arc::clone(gpu),
             pixels,
-            block: Buffer::new(gpu, "adaptive", size_of::<Block>() as u64, Usage::Device)?,
-            entries: Buffer::new(gpu, "entries", streams * 8, Usage::Device)?,
-            estimates: Buffer::new(gpu, "estimates", streams * 4 * u64::from(RING), Usage::Device)?,
+            block: Buffer::new(gpu, "adaptive", size_of::<Block>() as u64, BufferUsage::Device)?,
+            entries: Buffer::new(gpu, "entries", streams * 8, BufferUsage::Device)?,
+            estimates: Buffer::new(gpu, "estimates", streams * 4 * u64::from(RING), BufferUsage::Device)?,
             course: Mutex::new(None),
             #[cfg(feature = "faults")]
             is_naive: false,
@@ -87,7 +87,7 @@ impl Adaptive {
     /// Estimates by the first samples up to an octave, by stream and pixel.
     fn answers(&self, octave: u32) -> Result<[Vec<VarianceEstimate>; STREAMS], RenderError> {
         let bytes = self.pixels * STREAMS as u64 * 4;
-        let target = Buffer::new(&self.gpu, "answers", bytes, Usage::Readback)?;
+        let target = Buffer::new(&self.gpu, "answers", bytes, BufferUsage::Readback)?;
         let mut commands = self.gpu.commands("answers")?;
         commands.copy(&self.estimates, u64::from(octave % RING) * bytes, &target, 0, bytes);
         if !commands.submit()?.wait(WAVE_TIMEOUT)? {
@@ -115,7 +115,7 @@ impl Adaptive {
         if epoch.bands.len() > block.width.len() {
             return Err(RenderError::Internal("an epoch has more bands than the passes know".into()));
         }
-        let staging = Buffer::new(&self.gpu, "entries to send", (bytes.len() as u64).max(8), Usage::Upload)?;
+        let staging = Buffer::new(&self.gpu, "entries to send", (bytes.len() as u64).max(8), BufferUsage::Upload)?;
         staging.write(0, bytes)?;
         let mut commands = self.gpu.commands("entries")?;
         commands.copy(&staging, 0, &self.entries, 0, bytes.len() as u64);
@@ -148,22 +148,22 @@ impl Adaptive {
     }
 
     /// The push constants of a wave, which is in one band; and the entries of that.
-    pub(crate) fn push(&self, frame: u64, wave: Wave) -> (Push, u32) {
+    pub(crate) fn push(&self, frame: u64, wave: Wave) -> (PushConstants, u32) {
         let course = lock(&self.course);
         let bands = course.as_ref().map_or(&[][..], |course| course.epoch().bands.as_slice());
         let found = (0_u32..).zip(bands).find(|(_, band)| (band.first..band.end()).contains(&wave.first));
-        let Some((number, band)) = found else { return (Push::wave(frame, 0, 0, 1), 0) };
-        let push = Push::wave(frame, wave.first - band.first, wave.count, band.width);
+        let Some((number, band)) = found else { return (PushConstants::wave(frame, 0, 0, 1), 0) };
+        let push = PushConstants::wave(frame, wave.first - band.first, wave.count, band.width);
         (push.in_band(number, band.row), band.width)
     }
 
     /// The wave as one piece, but for what is beyond `end`; it completes an octave when an epoch ends with it.
-    pub(crate) fn piece(&self, wave: Wave, end: u64) -> Option<Piece> {
+    pub(crate) fn piece(&self, wave: Wave, end: u64) -> Option<WavePiece> {
         let left = end.saturating_sub(wave.first).min(u64::from(wave.count));
         let count = u32::try_from(left).unwrap_or(u32::MAX);
         let course = lock(&self.course);
         let epoch = course.as_ref()?.epoch();
         let completes = (wave.first + left == epoch.end).then_some(epoch.octave);
-        (count > 0).then_some(Piece { wave: Wave { first: wave.first, count }, offset: 0, completes })
+        (count > 0).then_some(WavePiece { wave: Wave { first: wave.first, count }, offset: 0, completes })
     }
 }

@@ -3,9 +3,9 @@
 //! reads.
 
 use crate::assets::SceneView;
-use crate::setting::Setting;
+use crate::frame_context::FrameContext;
 use bytemuck::Zeroable;
-use oocpt_abi::{Frame, FrameFlags};
+use oocpt_abi::{FrameConstants, FrameFlags};
 
 /// Albedo of a surface without a colour, as `UsdPreviewSurface`'s diffuseColor.
 const DEFAULT_ALBEDO: [f32; 3] = [0.18; 3];
@@ -20,13 +20,13 @@ fn error_floor(exposure: f32) -> f32 {
     (1e-2 / (exposure * exposure)).clamp(1e-30, 1e30)
 }
 
-/// The frame block of a setting; path memory is bound by its owner.
-pub(crate) fn frame_block(setting: &Setting<'_>, scene: &SceneView) -> Frame {
-    let Setting { job, lights, rays, film, .. } = *setting;
+/// The frame block of a frame; path memory is bound by its owner.
+pub(crate) fn frame_block(context: &FrameContext<'_>, scene: &SceneView) -> FrameConstants {
+    let FrameContext { job, lights, rays, film, .. } = *context;
     let mut flags = FrameFlags::empty();
     flags.set(FrameFlags::DOME_CAMERA_VISIBLE, lights.background_visible());
     let exposure = job.request.camera.exposure();
-    let mut block = Frame {
+    let mut block = FrameConstants {
         top_nodes: scene.top_nodes,
         chunk_instances: scene.chunk_instances,
         chunks: scene.chunks,
@@ -63,10 +63,10 @@ pub(crate) fn frame_block(setting: &Setting<'_>, scene: &SceneView) -> Frame {
         material_slots: scene.material_slots,
         programs: scene.programs,
         placed_values: scene.placed_values,
-        lighting: setting.lighting,
+        lighting: context.lighting,
         exposure,
         error_floor: error_floor(exposure),
-        ..Frame::zeroed()
+        ..FrameConstants::zeroed()
     };
     film.bind(&mut block, &job.request.aovs);
     block

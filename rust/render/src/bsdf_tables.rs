@@ -27,8 +27,8 @@ pub const FLOATS: usize = 2 * ROUGHNESSES * COSINES + 2 * ROUGHNESSES + 4 * ROUG
 /// Points of the quadrature: over half a turn, and over the spherical cap.
 const POINTS: [usize; 2] = [32, 128];
 
-type Pair = [f64; 2];
-type Row = [Pair; COSINES];
+type FloatPair = [f64; 2];
+type PairRow = [FloatPair; COSINES];
 
 static TABLE: &[u8] = include_bytes!("bsdf_tables/ggx.bin");
 const _: () = assert!(TABLE.len() == 4 * FLOATS, "run the example `bsdf_tables`");
@@ -96,15 +96,15 @@ fn roughness(index: usize) -> f64 {
     roughness_of(part(index, ROUGHNESSES))
 }
 
-fn row(index: usize) -> Row {
+fn row(index: usize) -> PairRow {
     let alpha = roughness(index).powi(2);
     std::array::from_fn(|column| albedo(part(column, COSINES).powi(3), alpha, POINTS))
 }
 
 /// Average over the hemisphere, cosine weighted, of the product of two entries of interpolated rows.
-fn average(a: &Row, i: usize, b: &Row, j: usize) -> f64 {
+fn average(a: &PairRow, i: usize, b: &PairRow, j: usize) -> f64 {
     integral(|cell, at| {
-        let value = |row: &Row, k: usize| row[cell][k] * (1.0 - at) + row[cell + 1][k] * at;
+        let value = |row: &PairRow, k: usize| row[cell][k] * (1.0 - at) + row[cell + 1][k] * at;
         value(a, i) * value(b, j)
     })
 }
@@ -134,10 +134,10 @@ fn integral(f: impl Fn(usize, f64) -> f64) -> f64 {
 #[must_use]
 #[expect(clippy::cast_possible_truncation, reason = "the table is f32")]
 pub fn compute() -> Vec<u8> {
-    let ones: Row = [[1.0; 2]; COSINES];
+    let ones: PairRow = [[1.0; 2]; COSINES];
     // Rounded first, so that averages are those of what the shaders interpolate.
-    let rounded = |row: Row| row.map(|pair| pair.map(|x| f64::from(x as f32)));
-    let rows: Vec<Row> = (0..ROUGHNESSES).into_par_iter().map(|index| rounded(row(index))).collect();
+    let rounded = |row: PairRow| row.map(|pair| pair.map(|x| f64::from(x as f32)));
+    let rows: Vec<PairRow> = (0..ROUGHNESSES).into_par_iter().map(|index| rounded(row(index))).collect();
     let mut table: Vec<f64> = rows.iter().flatten().flatten().copied().collect();
     table.extend(rows.iter().flat_map(|row| [average(row, 0, &ones, 0), average(row, 1, &ones, 0)]));
     let products =

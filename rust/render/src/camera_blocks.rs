@@ -4,33 +4,33 @@
 
 use crate::assets::motion_key;
 use crate::error::RenderError;
-use crate::setting::Setting;
-use oocpt_abi::{Frame, GpuCameraKey};
-use oocpt_core::inventory::Inventory;
+use crate::frame_context::FrameContext;
+use oocpt_abi::{FrameConstants, GpuCameraKey};
+use oocpt_core::inventory::RenderInventory;
 use oocpt_core::{CameraMotion, MotionKey};
-use oocpt_gpu::{Buffer, Usage};
+use oocpt_gpu::{Buffer, BufferUsage};
 
 /// Uploads what there is, and writes the addresses into the block.
 pub(crate) fn upload(
-    setting: &Setting<'_>,
-    block: &mut Frame,
-    listed: &mut Inventory,
+    context: &FrameContext<'_>,
+    block: &mut FrameConstants,
+    listed: &mut RenderInventory,
 ) -> Result<[Option<Buffer>; 2], RenderError> {
     let mut upload = |name: &str, bytes: &[u8]| -> Result<Option<Buffer>, RenderError> {
         if bytes.is_empty() {
             return Ok(None);
         }
-        let buffer = Buffer::new(&setting.device.gpu, name, bytes.len() as u64, Usage::Upload)?;
+        let buffer = Buffer::new(&context.device.gpu, name, bytes.len() as u64, BufferUsage::Upload)?;
         buffer.write(0, bytes)?;
         listed.add(name, bytes.len() as u64);
         Ok(Some(buffer))
     };
-    let motion = upload("camera motion", &setting.camera_motion.map(encode).unwrap_or_default())?;
-    let planes = upload("clipping planes", bytemuck::cast_slice(setting.clip_planes))?;
+    let motion = upload("camera motion", &context.camera_motion.map(encode).unwrap_or_default())?;
+    let planes = upload("clipping planes", bytemuck::cast_slice(context.clip_planes))?;
     block.camera_motion = motion.as_ref().map_or(0, Buffer::address);
     block.clip_planes = planes.as_ref().map_or(0, Buffer::address);
     // At most MAX_CLIP_PLANES.
-    block.clip_plane_count = u32::try_from(setting.clip_planes.len()).unwrap_or(0);
+    block.clip_plane_count = u32::try_from(context.clip_planes.len()).unwrap_or(0);
     Ok([motion, planes])
 }
 

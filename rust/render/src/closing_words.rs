@@ -2,7 +2,7 @@
 //! What a batch render says when it has ended: one line about time, error and memory, and a warning where few pixels
 //! hold most of the error. Pure.
 
-use oocpt_core::stats::{ErrorRow, Stats, WorstPixel};
+use oocpt_core::stats::{ErrorRow, RenderStats, WorstPixel};
 
 /// Share of the picture's error that is worth a warning when a few pixels hold it.
 const SHARE: f64 = 0.5;
@@ -10,7 +10,7 @@ const SHARE: f64 = 0.5;
 const ONE_IN: u64 = 1000;
 
 /// Samples, seconds, relMSE with its 95 % interval, peak of the device memory, and loads.
-pub(crate) fn line(stats: &Stats) -> String {
+pub(crate) fn line(stats: &RenderStats) -> String {
     let estimate = stats.error.as_ref().and_then(|row| row.estimate);
     let error = estimate.map_or_else(
         || "error unknown".to_owned(),
@@ -66,17 +66,17 @@ fn bytes(count: u64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use oocpt_core::convergence::Estimate;
+    use oocpt_core::convergence::ErrorEstimate;
 
     fn row(rel_mse: f64, worst: &[f64]) -> ErrorRow {
-        let estimate = Some(Estimate { rel_mse, low: 0.5 * rel_mse, high: 2.0 * rel_mse });
+        let estimate = Some(ErrorEstimate { rel_mse, low: 0.5 * rel_mse, high: 2.0 * rel_mse });
         let pixel = |(x, error): (u32, &f64)| WorstPixel { x, y: 7, error: *error };
         ErrorRow { estimate, worst: (3..).zip(worst).map(pixel).collect(), ..ErrorRow::default() }
     }
 
     #[test]
     fn the_line_names_time_error_memory_and_loads() {
-        let mut stats = Stats { samples_completed: 64, seconds_total: 12.34, ..Stats::default() };
+        let mut stats = RenderStats { samples_completed: 64, seconds_total: 12.34, ..RenderStats::default() };
         stats.gpu_peak_bytes = 1500 << 20;
         stats.error = Some(row(4.1e-3, &[]));
         stats.streaming.loads = 7;

@@ -11,7 +11,7 @@ const MOST: usize = 256;
 
 /// One of them.
 #[derive(Debug)]
-struct Entry<T> {
+struct CompiledPipeline<T> {
     pipeline: Arc<T>,
     /// What compiling it took.
     secs: f64,
@@ -24,7 +24,7 @@ struct Entry<T> {
 /// See the module. `T` is a pipeline.
 #[derive(Debug)]
 pub(crate) struct CompiledPipelines<K, T> {
-    entries: FxHashMap<K, Entry<T>>,
+    entries: FxHashMap<K, CompiledPipeline<T>>,
     clock: u64,
     most: usize,
 }
@@ -51,7 +51,7 @@ impl<K: Clone + Eq + Hash, T> CompiledPipelines<K, T> {
             return made;
         }
         let pipeline = Arc::new(pipeline);
-        let entry = Entry { pipeline: Arc::clone(&pipeline), secs, is_translated: false, asked: self.clock };
+        let entry = CompiledPipeline { pipeline: Arc::clone(&pipeline), secs, is_translated: false, asked: self.clock };
         self.entries.insert(key.clone(), entry);
         while self.entries.len() > self.most {
             let idle = self.entries.iter().filter(|(_, entry)| Arc::strong_count(&entry.pipeline) == 1);
@@ -61,7 +61,7 @@ impl<K: Clone + Eq + Hash, T> CompiledPipelines<K, T> {
         pipeline
     }
 
-    fn entry_of(&mut self, pipeline: &Arc<T>) -> Option<&mut Entry<T>> {
+    fn entry_of(&mut self, pipeline: &Arc<T>) -> Option<&mut CompiledPipeline<T>> {
         self.entries.values_mut().find(|entry| Arc::ptr_eq(&entry.pipeline, pipeline))
     }
 

@@ -10,11 +10,13 @@ use crate::cache_folder::cache_folder;
 use crate::compiled::CompiledPipelines;
 use crate::error::RenderError;
 use crate::loader::Loader;
-use crate::reading::Reading;
+use crate::reading::ReadingLimit;
 use crate::sync::lock;
-use oocpt_abi::{Features, Push, SPEC_MAX_LEVELS, SPEC_STACK_SIZE};
-use oocpt_gpu::{Buffer, DeviceKind, Gpu, GpuError, Heap, HeapOptions, MAX_UPDATE_BYTES, OpenOptions, Pipeline, Usage};
-use oocpt_shaders::{ALL, Module};
+use oocpt_abi::{Features, PushConstants, SPEC_MAX_LEVELS, SPEC_STACK_SIZE};
+use oocpt_gpu::{
+    Buffer, BufferUsage, DeviceKind, Gpu, GpuError, Heap, HeapOptions, MAX_UPDATE_BYTES, OpenOptions, Pipeline,
+};
+use oocpt_shaders::{ALL, ShaderModule};
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, OnceLock};
 use std::time::{Duration, Instant};
@@ -32,7 +34,7 @@ const UPLOAD_TIMEOUT: Duration = Duration::from_secs(60);
 
 /// What a pipeline is specialised by, in the order of the specialisation constants' ids (`oocpt_abi`).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub(crate) struct Specialisation {
+pub(crate) struct PassSpecialisation {
     /// Deepest chain of instance records, at least 1.
     pub(crate) max_levels: u32,
     /// Traversal stack entries of a ray.
@@ -44,9 +46,9 @@ pub(crate) struct Specialisation {
     pub(crate) fault: u32,
 }
 
-impl Specialisation {
+impl PassSpecialisation {
     /// The same without what `module` does not read: it stays as it is whatever that says.
-    fn of(mut self, module: &Module) -> Self {
+    fn of(mut self, module: &ShaderModule) -> Self {
         self.max_levels = if module.reads_levels { self.max_levels } else { 1 };
         self.stack_size = if module.reads_stack { self.stack_size } else { 1 };
         self.features &= module.features;
@@ -93,7 +95,7 @@ const KEEP_INTERVAL: Duration = Duration::from_secs(1);
 
 /// Pipelines that are not on disk yet, and when some were written last.
 #[derive(Debug, Default)]
-struct Unkept {
+struct UnsavedPipelines {
     count: u32,
     written: Option<Instant>,
 }
@@ -111,10 +113,10 @@ pub(crate) struct Device {
     options: DeviceOptions,
     loader: OnceLock<Loader>,
     /// What the loader reads of meshes at a time.
-    pub(crate) reading: Arc<Reading>,
+    pub(crate) reading: Arc<ReadingLimit>,
     bsdf_tables: [Mutex<Option<Buffer>>; 4],
-    pipelines: Mutex<CompiledPipelines<(&'static str, Specialisation), Pipeline>>,
-    unkept: Mutex<Unkept>,
+    pipelines: Mutex<CompiledPipelines<(&'static str, PassSpecialisation), Pipeline>>,
+    unkept: Mutex<UnsavedPipelines>,
 }
 
 static OPEN: Mutex<Vec<Arc<Device>>> = Mutex::new(Vec::new());
@@ -183,7 +185,7 @@ impl Device {
         if let Some(heap) = self.host_heap.get() {
             return Ok(heap);
         }
-        let (usage, keeps_arenas) = (Usage::Shared, true);
+        let (usage, keeps_arenas) = (BufferUsage::Shared, true);
         let options = HeapOptions { arena_bytes: ARENA_BYTES, usage, keeps_arenas, ..HeapOptions::default() };
         let heap = Arc::new(Heap::with_options(&self.gpu, "host-mapped scene", options)?);
         Ok(self.host_heap.get_or_init(|| heap))
@@ -206,7 +208,7 @@ impl Device {
             return Ok(addresses(tables));
         }
         let bytes = [bsdf_tables::bytes(), glass, sheen].concat();
-        let buffer = Buffer::new(&self.gpu, "BSDF tables", bytes.len() as u64, Usage::Device)?;
+        let buffer = Buffer::new(&self.gpu, "BSDF tables", bytes.len() as u64, BufferUsage::Device)?;
         let mut commands = self.gpu.commands("BSDF tables")?;
         for (index, part) in bytes.chunks(MAX_UPDATE_BYTES).enumerate() {
             commands.update(&buffer, (index * MAX_UPDATE_BYTES) as u64, part);
@@ -218,7 +220,11 @@ impl Device {
     }
 
     /// The pipeline of `module` for `special`, compiled at first use.
-    pub(crate) fn pipeline(&self, module: &'static Module, special: Specialisation) -> Result<Arc<Pipeline>, GpuError> {
+    pub(crate) fn pipeline(
+        &self,
+        module: &'static ShaderModule,
+        special: PassSpecialisation,
+    ) -> Result<Arc<Pipeline>, GpuError> {
         let special = special.of(module);
         let key = (module.name, special);
         if let Some(made) = lock(&self.pipelines).get(&key) {
@@ -235,7 +241,7 @@ impl Device {
             (oocpt_abi::SPEC_FAULT, special.fault),
         ];
         // 32 bytes.
-        let push_bytes = u32::try_from(size_of::<Push>()).unwrap_or(u32::MAX);
+        let push_bytes = u32::try_from(size_of::<PushConstants>()).unwrap_or(u32::MAX);
         let started = Instant::now();
         let words = module.specialised(&constants);
         let pipeline = Pipeline::new(&self.gpu, module.name, &words, &constants, push_bytes)?;
@@ -251,7 +257,7 @@ impl Device {
         let is_early = !at_end && unkept.written.is_some_and(|written| written.elapsed() < KEEP_INTERVAL);
         if unkept.count > 0 && !is_early {
             self.gpu.save_pipeline_cache();
-            *unkept = Unkept { count: 0, written: Some(Instant::now()) };
+            *unkept = UnsavedPipelines { count: 0, written: Some(Instant::now()) };
         }
     }
 
@@ -289,7 +295,7 @@ impl Device {
 
 #[cfg(test)]
 mod tests {
-    use oocpt_gpu::Capabilities;
+    use oocpt_gpu::DeviceCapabilities;
     use oocpt_shaders::PASSES;
     use std::collections::BTreeSet;
 
@@ -322,7 +328,7 @@ mod tests {
 
     #[test]
     fn every_capability_used_by_passes_is_required() {
-        let mut modern = Capabilities::default();
+        let mut modern = DeviceCapabilities::default();
         modern.vulkan_1_2 = true;
         let missing = modern.missing();
         // Shader and Shuffle: the first has every device, the second is named with the others of subgroups.

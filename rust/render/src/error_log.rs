@@ -8,16 +8,16 @@
 //! Trouble with files is one warning. Render thread only.
 
 use crate::error_report::{ErrorReportHeader, InventoryLine, ReportWriter, UsageLine, VERSION};
-use crate::job::Job;
-use crate::measure::Measured;
-use crate::reference::Reference;
+use crate::job::RenderJob;
+use crate::measure::MeasuredError;
+use crate::reference::ReferencePicture;
 use crate::request::Severity;
-use crate::shared::Shared;
+use crate::shared::SharedState;
 use crate::sync::lock;
 use crate::wave::next_boundary;
-use oocpt_core::convergence::{Convergence, Estimate, of_halves};
-use oocpt_core::inventory::Inventory;
-use oocpt_core::stats::{ErrorRow, Usage};
+use oocpt_core::convergence::{ConvergenceEstimator, ErrorEstimate, of_halves};
+use oocpt_core::inventory::RenderInventory;
+use oocpt_core::stats::{ErrorRow, RenderUsage};
 use serde::Serialize;
 use std::borrow::Cow;
 use std::path::Path;
@@ -27,7 +27,7 @@ const FEWEST_TO_STOP: u32 = 4;
 
 /// The clock and counters of a row.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Moment {
+pub(crate) struct RowMoment {
     pub(crate) seconds: f64,
     pub(crate) seconds_tracing: f64,
     pub(crate) bytes_paged: u64,
@@ -38,10 +38,10 @@ pub(crate) struct Moment {
 /// See the module.
 #[derive(Debug)]
 pub(crate) struct ErrorLog {
-    convergence: Convergence,
+    convergence: ConvergenceEstimator,
     pixels: u64,
     writer: Option<ReportWriter>,
-    reference: Option<Reference>,
+    reference: Option<ReferencePicture>,
     target: f64,
     /// The target is reached.
     is_good: bool,
@@ -55,19 +55,19 @@ pub(crate) struct ErrorLog {
 
 impl ErrorLog {
     /// Begins a render; reads the picture that the settings name.
-    pub(crate) fn start(shared: &Shared, job: &Job) -> Self {
+    pub(crate) fn start(shared: &SharedState, job: &RenderJob) -> Self {
         let pixels = job.request.pixels();
         let target = f64::from(job.settings.target_error);
         let reference = match job.settings.reference.as_str() {
             "" => None,
-            file => Reference::read(Path::new(file), [job.request.width, job.request.height])
+            file => ReferencePicture::read(Path::new(file), [job.request.width, job.request.height])
                 .inspect_err(|error| shared.report(Severity::Warning, format!("oocpt:reference: {error}")))
                 .ok(),
         };
         let open = if target > 0.0 { pixels << FEWEST_TO_STOP } else { u64::MAX };
         let has_halves = job.settings.adaptive_sampling;
         Self {
-            convergence: Convergence::default(),
+            convergence: ConvergenceEstimator::default(),
             pixels,
             writer: None,
             reference,
@@ -81,14 +81,14 @@ impl ErrorLog {
 
     /// The samples so far are forgotten, and taken anew; the report goes on.
     pub(crate) fn begin_again(&mut self) {
-        self.convergence = Convergence::default();
+        self.convergence = ConvergenceEstimator::default();
         self.is_good = false;
         self.open = if self.target > 0.0 { self.pixels << FEWEST_TO_STOP } else { u64::MAX };
         self.last = None;
     }
 
     /// Begins the report that the settings name, once the device that it names is open.
-    pub(crate) fn open_report(&mut self, shared: &Shared, job: &Job) {
+    pub(crate) fn open_report(&mut self, shared: &SharedState, job: &RenderJob) {
         self.writer = match job.settings.report.as_str() {
             "" => None,
             file => begin(shared, job, file)
@@ -118,7 +118,13 @@ impl ErrorLog {
     }
 
     /// Takes what was measured with `octave`, or at the end.
-    pub(crate) fn row(&mut self, shared: &Shared, measured: Measured, octave: Option<u32>, moment: Moment) {
+    pub(crate) fn row(
+        &mut self,
+        shared: &SharedState,
+        measured: MeasuredError,
+        octave: Option<u32>,
+        moment: RowMoment,
+    ) {
         let estimate = match octave {
             _ if self.has_halves => of_halves(&measured.sums),
             Some(octave) => self.convergence.octave(octave, &measured.sums),
@@ -127,9 +133,9 @@ impl ErrorLog {
         if let Some(octave) = octave {
             self.decide(octave, estimate);
         }
-        let Measured { worst, rays, .. } = measured;
+        let MeasuredError { worst, rays, .. } = measured;
         let truth = self.reference.as_ref().and_then(|reference| reference.compare(&lock(&shared.published)));
-        let Moment { seconds, seconds_tracing, bytes_paged, samples } = moment;
+        let RowMoment { seconds, seconds_tracing, bytes_paged, samples } = moment;
         let row =
             ErrorRow { samples, seconds, seconds_tracing, rays, estimate, worst, bytes_paged, truth, is_last: false };
         self.write(shared);
@@ -137,7 +143,7 @@ impl ErrorLog {
         self.last = Some(row);
     }
 
-    fn decide(&mut self, octave: u32, estimate: Option<Estimate>) {
+    fn decide(&mut self, octave: u32, estimate: Option<ErrorEstimate>) {
         let (_, next) = next_boundary(self.pixels << octave, self.pixels);
         let is_good = estimate.is_some_and(|estimate| estimate.high <= self.target);
         self.is_good = self.target > 0.0 && octave >= FEWEST_TO_STOP && is_good;
@@ -147,7 +153,7 @@ impl ErrorLog {
     }
 
     /// The render has ended: samples of the last row are the picture's.
-    pub(crate) fn finish(&mut self, shared: &Shared) {
+    pub(crate) fn finish(&mut self, shared: &SharedState) {
         if let Some(row) = &mut self.last {
             row.is_last = true;
             lock(&shared.stats).error = Some(row.clone());
@@ -156,16 +162,16 @@ impl ErrorLog {
     }
 
     /// Writes what the render is made of.
-    pub(crate) fn inventory(&mut self, shared: &Shared, inventory: &Inventory) {
+    pub(crate) fn inventory(&mut self, shared: &SharedState, inventory: &RenderInventory) {
         self.line(shared, &InventoryLine { inventory: Cow::Borrowed(inventory) });
     }
 
     /// Writes what the render has used; the last line about it.
-    pub(crate) fn usage(&mut self, shared: &Shared, usage: Usage) {
+    pub(crate) fn usage(&mut self, shared: &SharedState, usage: RenderUsage) {
         self.line(shared, &UsageLine { usage });
     }
 
-    fn line(&mut self, shared: &Shared, line: &impl Serialize) {
+    fn line(&mut self, shared: &SharedState, line: &impl Serialize) {
         if let Some(writer) = &mut self.writer
             && let Err(error) = writer.line(line)
         {
@@ -173,19 +179,19 @@ impl ErrorLog {
         }
     }
 
-    fn give_up(&mut self, shared: &Shared, error: &std::io::Error) {
+    fn give_up(&mut self, shared: &SharedState, error: &std::io::Error) {
         shared.report(Severity::Warning, format!("oocpt:report: {error}; no more is written"));
         self.writer = None;
     }
 
-    fn write(&mut self, shared: &Shared) {
+    fn write(&mut self, shared: &SharedState) {
         if let Some(row) = self.last.take() {
             self.line(shared, &row);
         }
     }
 }
 
-fn begin(shared: &Shared, job: &Job, file: &str) -> std::io::Result<ReportWriter> {
+fn begin(shared: &SharedState, job: &RenderJob, file: &str) -> std::io::Result<ReportWriter> {
     let settings = &job.settings;
     let header = ErrorReportHeader {
         oocpt_error_report: VERSION,

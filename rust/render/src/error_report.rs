@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The report of error against time that `oocpt:report` names: a JSON object a line, first one about the render, one
-//! about what it is made of ([`Inventory`]), then an [`ErrorRow`] at each power of two of the samples and at the end,
-//! last one about what it used ([`Usage`]).
+//! about what it is made of ([`RenderInventory`]), then an [`ErrorRow`] at each power of two of the samples and at the
+//! end, last one about what it used ([`RenderUsage`]).
 //! `oocpt report plot` draws it.
 //!
 //! Every line is written whole and at once: a render that is killed leaves all lines up to then. The first render of a
 //! session empties the file, later ones go on: each begins with its own [`ErrorReportHeader`]. A file that is no report
 //! is left as it is: its name may come from a scene of strangers.
 
-use oocpt_core::inventory::Inventory;
-use oocpt_core::stats::{ErrorRow, Usage};
+use oocpt_core::inventory::RenderInventory;
+use oocpt_core::stats::{ErrorRow, RenderUsage};
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::fs::File;
@@ -52,13 +52,13 @@ pub struct ErrorReportHeader {
 /// The line that says what a render is made of.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct InventoryLine<'a> {
-    pub(crate) inventory: Cow<'a, Inventory>,
+    pub(crate) inventory: Cow<'a, RenderInventory>,
 }
 
 /// The line that says what a render has used.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct UsageLine {
-    pub(crate) usage: Usage,
+    pub(crate) usage: RenderUsage,
 }
 
 /// One render of a report.
@@ -67,16 +67,16 @@ pub struct ErrorReport {
     /// What was rendered.
     pub header: ErrorReportHeader,
     /// What it is made of, and what was left out; none if it ended before its passes were compiled.
-    pub inventory: Option<Inventory>,
+    pub inventory: Option<RenderInventory>,
     /// Ascending samples.
     pub rows: Vec<ErrorRow>,
     /// What it has used; none if it did not come to an end.
-    pub usage: Option<Usage>,
+    pub usage: Option<RenderUsage>,
 }
 
 #[derive(Deserialize)]
 #[serde(untagged)]
-enum Line {
+enum ReportLine {
     Header(ErrorReportHeader),
     Inventory(InventoryLine<'static>),
     Usage(UsageLine),
@@ -97,11 +97,11 @@ impl ErrorReport {
                 return Err(error);
             }
             match (serde_json::from_str(&line), reports.last_mut()) {
-                (Ok(Line::Header(header)), _) => reports.push(Self { header, ..Self::default() }),
-                (Ok(Line::Inventory(line)), Some(report)) => report.inventory = Some(line.inventory.into_owned()),
-                (Ok(Line::Row(row)), Some(report)) => report.rows.push(*row),
-                (Ok(Line::Usage(line)), Some(report)) => report.usage = Some(line.usage),
-                (Ok(Line::Row(_) | Line::Inventory(_) | Line::Usage(_)), None) => {
+                (Ok(ReportLine::Header(header)), _) => reports.push(Self { header, ..Self::default() }),
+                (Ok(ReportLine::Inventory(line)), Some(report)) => report.inventory = Some(line.inventory.into_owned()),
+                (Ok(ReportLine::Row(row)), Some(report)) => report.rows.push(*row),
+                (Ok(ReportLine::Usage(line)), Some(report)) => report.usage = Some(line.usage),
+                (Ok(ReportLine::Row(_) | ReportLine::Inventory(_) | ReportLine::Usage(_)), None) => {
                     return Err(bad(path, number, "a row before the first render"));
                 }
                 (Err(error), _) => broken = Some(bad(path, number, &error.to_string())),
@@ -202,12 +202,12 @@ mod tests {
         let row = |samples| ErrorRow { samples, seconds: 0.5, ..ErrorRow::default() };
         for (seed, is_first) in [(7, true), (1, true), (2, false)] {
             let mut writer = ReportWriter::begin(&path, is_first, &header(seed)).expect("a temporary file");
-            let inventory = Inventory { max_levels: seed, ..Inventory::default() };
+            let inventory = RenderInventory { max_levels: seed, ..RenderInventory::default() };
             writer.line(&InventoryLine { inventory: Cow::Borrowed(&inventory) }).expect("a line");
             writer.line(&row(1)).expect("a line");
             writer.line(&row(2)).expect("a line");
             writer
-                .line(&UsageLine { usage: Usage { gpu_peak_bytes: seed.into(), ..Usage::default() } })
+                .line(&UsageLine { usage: RenderUsage { gpu_peak_bytes: seed.into(), ..RenderUsage::default() } })
                 .expect("a line");
         }
         let mut file = std::fs::OpenOptions::new().append(true).open(&path).expect("it is there");

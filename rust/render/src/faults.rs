@@ -3,11 +3,11 @@
 //! on: the product has none of them.
 
 use oocpt_abi::Features;
-use oocpt_gpu::{DriverMemory, Failure};
+use oocpt_gpu::{DriverMemory, PlantedFailure};
 
 /// What a session does wrong, or otherwise than its scene asks for; nothing by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Faults {
+pub struct PlantedFaults {
     /// Makes rays forget chunks that they would have to wait for (`SPEC_FAULT`): the picture is wrong. 0 = none.
     pub lost_chunks: u32,
     /// The probability, in thousandths, with which roulette on loads (`oocpt:stragglerRoulette`) loads whatever it
@@ -33,7 +33,7 @@ pub struct Faults {
     /// what is missing of it is brought at once (`streaming::leave`).
     pub leaves_soon: bool,
     /// Makes calls that take memory fail, in the first render of the session.
-    pub failure: Option<Failure>,
+    pub failure: Option<PlantedFailure>,
     /// So many devices are lost, one after the other, each after so many submissions, in the first render.
     pub lost_devices: [u32; 2],
     /// By what the sides of the first picture of an interactive render are divided; 1 = there is none; none = by the
@@ -47,7 +47,7 @@ pub struct Faults {
 
 /// What became of them, and what the driver gave, when a render ended.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Witness {
+pub struct FaultWitness {
     /// Failures that struck since the device was opened.
     pub struck: u64,
     /// Bytes by the driver's own function.
@@ -58,7 +58,7 @@ pub struct Witness {
     pub on_the_books: u64,
 }
 
-impl Witness {
+impl FaultWitness {
     pub(crate) fn of(gpu: &oocpt_gpu::Gpu) -> Self {
         let memory = gpu.memory();
         Self {

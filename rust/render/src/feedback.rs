@@ -4,9 +4,9 @@
 //! learns of it. Each wave ends with a copy to one of a few small buffers that the host reads when the wave is done.
 //! Render thread only.
 
-use oocpt_abi::{Counters, TextureFeedback};
-use oocpt_core::inventory::Inventory;
-use oocpt_gpu::{Buffer, Commands, Gpu, GpuError, Usage};
+use oocpt_abi::{TextureFeedback, WavefrontCounters};
+use oocpt_core::inventory::RenderInventory;
+use oocpt_gpu::{Buffer, BufferUsage, CommandList, Gpu, GpuError};
 use std::mem::offset_of;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -21,7 +21,7 @@ const COUNT_BYTES: u64 = size_of::<TextureFeedback>() as u64 - COUNTS;
 
 /// See the module.
 #[derive(Debug)]
-pub(crate) struct Feedback {
+pub(crate) struct FeedbackBuffers {
     block: Buffer,
     requested: Buffer,
     wanted: Buffer,
@@ -32,14 +32,15 @@ pub(crate) struct Feedback {
 
 /// A copy that was recorded.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Copy(usize);
+pub(crate) struct FeedbackCopy(usize);
 
-impl Feedback {
+impl FeedbackBuffers {
     /// For a scene of `tiles` tiles and paths whose flags are at `incomplete_paths`.
     pub(crate) fn new(gpu: &Arc<Gpu>, tiles: usize, incomplete_paths: u64) -> Result<Self, GpuError> {
-        let device = |name: &str, bytes: u64| Buffer::new(gpu, name, bytes, Usage::Device);
-        let readback =
-            |_| Buffer::new(gpu, "texture feedback copy", COUNT_BYTES + u64::from(MOST_WANTED) * 4, Usage::Readback);
+        let device = |name: &str, bytes: u64| Buffer::new(gpu, name, bytes, BufferUsage::Device);
+        let readback = |_| {
+            Buffer::new(gpu, "texture feedback copy", COUNT_BYTES + u64::from(MOST_WANTED) * 4, BufferUsage::Readback)
+        };
         Ok(Self {
             block: device("texture feedback", size_of::<TextureFeedback>() as u64)?,
             requested: device("requested tiles", (tiles.div_ceil(32) as u64 * 4).max(16))?,
@@ -50,7 +51,7 @@ impl Feedback {
         })
     }
 
-    /// For `Frame::texture_feedback`.
+    /// For `FrameConstants::texture_feedback`.
     pub(crate) fn address(&self) -> u64 {
         self.block.address()
     }
@@ -61,14 +62,14 @@ impl Feedback {
     }
 
     /// Lists the memory there is.
-    pub(crate) fn list(&self, inventory: &mut Inventory) {
+    pub(crate) fn list(&self, inventory: &mut RenderInventory) {
         for buffer in [&self.block, &self.requested, &self.wanted].into_iter().chain(&self.copies) {
             inventory.add(buffer.name(), buffer.size());
         }
     }
 
     /// Records that nothing is lacking, from here on.
-    pub(crate) fn reset(&self, commands: &mut Commands) {
+    pub(crate) fn reset(&self, commands: &mut CommandList) {
         let block = TextureFeedback {
             requested: self.requested.address(),
             incomplete_paths: self.incomplete_paths,
@@ -83,12 +84,12 @@ impl Feedback {
     }
 
     /// Records that no ray is queued: a wave behind an incomplete one starts none.
-    pub(crate) fn empty_queue(&self, commands: &mut Commands, counters: &Buffer) {
-        commands.fill(counters, Counters::RAY_COUNT, 4, 0);
+    pub(crate) fn empty_queue(&self, commands: &mut CommandList, counters: &Buffer) {
+        commands.fill(counters, WavefrontCounters::RAY_COUNT, 4, 0);
     }
 
     /// Records a copy of what is lacking so far.
-    pub(crate) fn copy_out(&self, commands: &mut Commands) -> Copy {
+    pub(crate) fn copy_out(&self, commands: &mut CommandList) -> FeedbackCopy {
         let number = self.next.fetch_add(1, Ordering::Relaxed) % COPIES;
         if let Some(copy) = self.copies.get(number) {
             commands.concurrent(|c| {
@@ -96,11 +97,11 @@ impl Feedback {
                 c.copy(&self.wanted, 0, copy, COUNT_BYTES, self.wanted.size());
             });
         }
-        Copy(number)
+        FeedbackCopy(number)
     }
 
     /// The tiles that were lacking when a copy was made, ascending, once its commands are done; `None` if none was.
-    pub(crate) fn read(&self, copy: Copy) -> Result<Option<Vec<u32>>, GpuError> {
+    pub(crate) fn read(&self, copy: FeedbackCopy) -> Result<Option<Vec<u32>>, GpuError> {
         let Some(copy) = self.copies.get(copy.0) else { return Ok(None) };
         copy.map(|bytes| {
             let words: Vec<u32> = bytemuck::pod_collect_to_vec(bytes);

@@ -1,18 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The images of a frame on the device and their way to the host.
 
-use crate::adaptive::Adaptive;
+use crate::adaptive::AdaptiveBuffers;
 use crate::aov::{AovKind, AovRequest};
 use crate::error::RenderError;
-use crate::job::Job;
-use crate::publish::{Extent, Published};
+use crate::job::RenderJob;
+use crate::publish::{Extent, PublishedImages};
 use crate::request::RenderRequest;
 use crate::sync::lock;
-use crate::wave::{ERROR_SLOTS, Piece, Wave, pieces};
-use oocpt_abi::{Counters, ERROR_GROUPS, ErrorSums, FilmPixel, Frame, Push, WORKGROUP_SIZE};
+use crate::wave::{ERROR_SLOTS, Wave, WavePiece, pieces};
+use oocpt_abi::{ERROR_GROUPS, ErrorSums, FilmPixel, FrameConstants, PushConstants, WORKGROUP_SIZE, WavefrontCounters};
 use oocpt_core::adaptive::STREAMS;
-use oocpt_core::inventory::Inventory;
-use oocpt_gpu::{Buffer, Commands, Gpu, GpuError, Usage};
+use oocpt_core::inventory::RenderInventory;
+use oocpt_gpu::{Buffer, BufferUsage, CommandList, Gpu, GpuError};
 use std::sync::{Arc, Mutex};
 
 /// Workgroups of `measure_error` for an image of so many pixels.
@@ -34,7 +34,7 @@ pub(crate) struct Film {
     /// Whether somebody wants to see the colour; sample counts need it too.
     shows_color: bool,
     /// Only with colour and adaptive sampling; `film` is then twice as long.
-    adaptive: Option<Adaptive>,
+    adaptive: Option<AdaptiveBuffers>,
     planes: Vec<(AovKind, Buffer)>,
     /// One copy of every wanted image, then the counters.
     readback: Buffer,
@@ -58,22 +58,23 @@ impl Film {
     /// Memory for the images of `request`, sampled adaptively or not.
     pub(crate) fn new(gpu: &Arc<Gpu>, request: &RenderRequest, adaptive: bool) -> Result<Self, GpuError> {
         let (pixels, kinds) = (request.pixels(), wanted(request));
-        let plane = |name: &str, bytes: usize| Buffer::new(gpu, name, pixels * bytes as u64, Usage::Device);
+        let plane = |name: &str, bytes: usize| Buffer::new(gpu, name, pixels * bytes as u64, BufferUsage::Device);
         let shows_color = kinds.contains(&AovKind::Color);
         let has_color = shows_color || kinds.contains(&AovKind::SampleCount);
         let parts = error_groups(pixels) as usize * size_of::<ErrorSums>();
-        let adaptive = (has_color && adaptive).then(|| Adaptive::new(gpu, pixels)).transpose()?;
+        let adaptive = (has_color && adaptive).then(|| AdaptiveBuffers::new(gpu, pixels)).transpose()?;
         let film_bytes = film_bytes(pixels, adaptive.is_some()) + parts as u64;
-        let film = has_color.then(|| Buffer::new(gpu, "film", film_bytes, Usage::Device)).transpose()?;
-        let error_bytes = u64::from(ERROR_SLOTS) * (parts + size_of::<Counters>()) as u64;
-        let errors = has_color.then(|| Buffer::new(gpu, "errors", error_bytes, Usage::Readback)).transpose()?;
+        let film = has_color.then(|| Buffer::new(gpu, "film", film_bytes, BufferUsage::Device)).transpose()?;
+        let error_bytes = u64::from(ERROR_SLOTS) * (parts + size_of::<WavefrontCounters>()) as u64;
+        let errors = has_color.then(|| Buffer::new(gpu, "errors", error_bytes, BufferUsage::Readback)).transpose()?;
         let color = has_color.then(|| plane("color", AovKind::Color.pixel_bytes())).transpose()?;
         let mut planes = Vec::new();
         for kind in kinds.iter().copied().filter(|kind| *kind != AovKind::Color) {
             planes.push((kind, plane(kind.token(), kind.pixel_bytes())?));
         }
         let bytes: u64 = kinds.iter().map(|kind| pixels * kind.pixel_bytes() as u64).sum();
-        let readback = Buffer::new(gpu, "readback", bytes + size_of::<Counters>() as u64, Usage::Readback)?;
+        let readback =
+            Buffer::new(gpu, "readback", bytes + size_of::<WavefrontCounters>() as u64, BufferUsage::Readback)?;
         Ok(Self { pixels, kinds, film, errors, color, shows_color, adaptive, planes, readback })
     }
 
@@ -84,7 +85,7 @@ impl Film {
     }
 
     /// Decides the first samples of a render of `job`, if it is adaptive.
-    pub(crate) fn begin(&mut self, job: &Job) -> Result<(), RenderError> {
+    pub(crate) fn begin(&mut self, job: &RenderJob) -> Result<(), RenderError> {
         let RenderRequest { width, height, .. } = job.request;
         let samples = job.settings.samples_per_pixel;
         #[cfg(feature = "faults")]
@@ -95,20 +96,20 @@ impl Film {
     }
 
     /// What decides where samples go, if they do not go everywhere alike.
-    pub(crate) fn adaptive(&self) -> Option<&Adaptive> {
+    pub(crate) fn adaptive(&self) -> Option<&AdaptiveBuffers> {
         self.adaptive.as_ref()
     }
 
     /// The push constants of a wave of samples, and how many pixels' samples follow each other in it.
-    pub(crate) fn push(&self, frame: u64, wave: Wave) -> (Push, u32) {
+    pub(crate) fn push(&self, frame: u64, wave: Wave) -> (PushConstants, u32) {
         // The request was validated: at most 2^28 pixels.
         let pixels = u32::try_from(self.pixels).unwrap_or(u32::MAX);
-        let everywhere = || (Push::wave(frame, wave.first, wave.count, pixels), pixels);
+        let everywhere = || (PushConstants::wave(frame, wave.first, wave.count, pixels), pixels);
         self.adaptive.as_ref().map_or_else(everywhere, |adaptive| adaptive.push(frame, wave))
     }
 
     /// Cuts a wave where its film is to be measured, and leaves out paths from `end` on.
-    pub(crate) fn pieces(&self, wave: Wave, end: u64) -> Vec<Piece> {
+    pub(crate) fn pieces(&self, wave: Wave, end: u64) -> Vec<WavePiece> {
         let everywhere = || pieces(wave, self.pixels, end);
         self.adaptive.as_ref().map_or_else(everywhere, |adaptive| adaptive.piece(wave, end).into_iter().collect())
     }
@@ -140,7 +141,7 @@ impl Film {
     }
 
     /// Lists the images, and those that nobody wants.
-    pub(crate) fn list(&self, inventory: &mut Inventory) {
+    pub(crate) fn list(&self, inventory: &mut RenderInventory) {
         for buffer in self.film.iter().chain(&self.errors).chain(&self.color) {
             inventory.add(buffer.name(), buffer.size());
         }
@@ -163,10 +164,10 @@ impl Film {
     }
 
     /// Writes addresses and clear values into a frame block.
-    pub(crate) fn bind(&self, frame: &mut Frame, aovs: &[AovRequest]) {
+    pub(crate) fn bind(&self, frame: &mut FrameConstants, aovs: &[AovRequest]) {
         frame.film = self.film.as_ref().map_or(0, Buffer::address);
         frame.color = self.color.as_ref().map_or(0, Buffer::address);
-        frame.adaptive = self.adaptive.as_ref().map_or(0, Adaptive::address);
+        frame.adaptive = self.adaptive.as_ref().map_or(0, AdaptiveBuffers::address);
         for (kind, plane) in &self.planes {
             let address = match kind {
                 AovKind::Color => continue,
@@ -189,14 +190,14 @@ impl Film {
     }
 
     /// Forgets all samples.
-    pub(crate) fn clear(&self, commands: &mut Commands) {
+    pub(crate) fn clear(&self, commands: &mut CommandList) {
         if let Some(film) = &self.film {
             commands.fill(film, 0, film.size(), 0);
         }
     }
 
     /// Copies every image and the counters to where the host can read them.
-    pub(crate) fn copy_out(&self, commands: &mut Commands, counters: &Buffer) {
+    pub(crate) fn copy_out(&self, commands: &mut CommandList, counters: &Buffer) {
         let color = self.color.as_ref().filter(|_| self.shows_color);
         let sources = color.into_iter().chain(self.planes.iter().map(|(_, plane)| plane));
         commands.concurrent(|c| {
@@ -205,25 +206,25 @@ impl Film {
                 c.copy(source, 0, &self.readback, offset, source.size());
                 offset += source.size();
             }
-            c.copy(counters, 0, &self.readback, offset, size_of::<Counters>() as u64);
+            c.copy(counters, 0, &self.readback, offset, size_of::<WavefrontCounters>() as u64);
         });
     }
 
     /// Copies what `measure_error` wrote, and the counters, to a slot below [`ERROR_SLOTS`] where the host can read
     /// them.
-    pub(crate) fn copy_error(&self, commands: &mut Commands, counters: &Buffer, slot: u32) {
+    pub(crate) fn copy_error(&self, commands: &mut CommandList, counters: &Buffer, slot: u32) {
         let (Some(film), Some(errors)) = (&self.film, &self.errors) else { return };
         let behind = film_bytes(self.pixels, self.adaptive.is_some());
         let bytes = film.size() - behind;
         let at = u64::from(slot.min(ERROR_SLOTS - 1)) * (errors.size() / u64::from(ERROR_SLOTS));
         commands.concurrent(|c| {
             c.copy(film, behind, errors, at, bytes);
-            c.copy(counters, 0, errors, at + bytes, size_of::<Counters>() as u64);
+            c.copy(counters, 0, errors, at + bytes, size_of::<WavefrontCounters>() as u64);
         });
     }
 
     /// What [`Film::copy_error`] copied to a slot, once its commands are done.
-    pub(crate) fn error(&self, slot: u32) -> Result<Option<(Vec<ErrorSums>, Counters)>, GpuError> {
+    pub(crate) fn error(&self, slot: u32) -> Result<Option<(Vec<ErrorSums>, WavefrontCounters)>, GpuError> {
         let Some(errors) = &self.errors else { return Ok(None) };
         let groups = error_groups(self.pixels) as usize;
         errors.map(|bytes| {
@@ -235,14 +236,14 @@ impl Film {
     }
 
     /// Publishes what [`Film::copy_out`] copied, once its commands are done, as images of `generation`, unless these
-    /// would be no whole picture ([`Published::begin`]); returns the counters.
+    /// would be no whole picture ([`PublishedImages::begin`]); returns the counters.
     pub(crate) fn publish(
         &self,
-        published: &Mutex<Published>,
+        published: &Mutex<PublishedImages>,
         generation: u64,
         extent: Extent,
-    ) -> Result<Counters, GpuError> {
-        let mut counters = Counters::default();
+    ) -> Result<WavefrontCounters, GpuError> {
+        let mut counters = WavefrontCounters::default();
         self.readback.map(|bytes| {
             let mut published = lock(published);
             let is_shown = published.begin(generation, &self.kinds, self.pixels, extent);
@@ -256,14 +257,14 @@ impl Film {
                 }
                 rest = after;
             }
-            counters = bytemuck::pod_read_unaligned(&rest[..size_of::<Counters>()]);
+            counters = bytemuck::pod_read_unaligned(&rest[..size_of::<WavefrontCounters>()]);
         })?;
         Ok(counters)
     }
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "ids are asked for as floats; rounding saturates")]
-fn bind_clear(frame: &mut Frame, aov: &AovRequest) {
+fn bind_clear(frame: &mut FrameConstants, aov: &AovRequest) {
     let [x, y, z, _] = aov.clear;
     let id = x.round() as i32;
     match aov.kind {

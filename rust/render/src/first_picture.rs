@@ -8,11 +8,11 @@
 use crate::aov::AovKind;
 use crate::device::Device;
 use crate::film::Film;
-use crate::job::Job;
-use crate::publish::{Extent, Published};
+use crate::frame_context::is_cpu;
+use crate::job::RenderJob;
+use crate::publish::{Extent, PublishedImages};
 use crate::request::RenderRequest;
-use crate::setting::is_cpu;
-use crate::shared::Shared;
+use crate::shared::SharedState;
 use crate::sync::lock;
 use oocpt_core::camera::Camera;
 use oocpt_core::settings::Settings;
@@ -80,7 +80,7 @@ fn approximate(count: u64) -> f64 {
 pub(crate) struct FirstPicture {
     factor: u32,
     size: [u32; 2],
-    pub(crate) job: Job,
+    pub(crate) job: RenderJob,
     pub(crate) film: Film,
 }
 
@@ -90,13 +90,13 @@ pub(crate) struct FirstPictures {
     pub(crate) pace: Pace,
     film: Option<Film>,
     /// Where its stats, messages and images go.
-    pub(crate) apart: Shared,
+    pub(crate) apart: SharedState,
 }
 
 impl FirstPictures {
     /// The first picture of `job`; none where the host does not want to see images on the way, or where a sample of
     /// each pixel is as fast, or where there is no memory for it.
-    pub(crate) fn begin(&mut self, device: &Device, job: &Job) -> Option<FirstPicture> {
+    pub(crate) fn begin(&mut self, device: &Device, job: &RenderJob) -> Option<FirstPicture> {
         let factor = self.pace.factor(job.request.pixels(), is_cpu(device));
         #[cfg(feature = "faults")]
         let factor = job.options.faults.first_picture.unwrap_or(factor);
@@ -115,7 +115,13 @@ impl FirstPictures {
     }
 
     /// Takes back what was made for a first picture, which took so long; shows it if it is `done`.
-    pub(crate) fn end(&mut self, picture: FirstPicture, done: Option<f64>, published: &mut Published, is_cpu: bool) {
+    pub(crate) fn end(
+        &mut self,
+        picture: FirstPicture,
+        done: Option<f64>,
+        published: &mut PublishedImages,
+        is_cpu: bool,
+    ) {
         let FirstPicture { factor, size, job, film } = picture;
         self.film = Some(film);
         lock(&self.apart.messages).clear();
@@ -126,7 +132,7 @@ impl FirstPictures {
 }
 
 /// The job of a first picture: one sample, of a part of the resolution.
-fn coarser(job: &Job, factor: u32) -> Job {
+fn coarser(job: &RenderJob, factor: u32) -> RenderJob {
     let request = &job.request;
     let [width, height] = [request.width, request.height].map(|side| side.div_ceil(factor));
     let camera = coarser_camera(&request.camera, factor, [width, height]);
@@ -142,7 +148,7 @@ fn coarser(job: &Job, factor: u32) -> Job {
     };
     let mut options = job.options;
     (options.progress_bar, options.closing_words) = (false, false);
-    Job {
+    RenderJob {
         request: RenderRequest { width, height, camera, aovs: request.aovs.clone() },
         settings,
         options,
@@ -165,7 +171,7 @@ fn coarser_camera(camera: &Camera, factor: u32, [width, height]: [u32; 2]) -> Ca
 }
 
 /// Shows images whose pixels are `factor` times as wide.
-fn fill_up(from: &Published, into: &mut Published, (job, size): (&Job, [u32; 2]), factor: u32) {
+fn fill_up(from: &PublishedImages, into: &mut PublishedImages, (job, size): (&RenderJob, [u32; 2]), factor: u32) {
     let mut kinds: Vec<AovKind> = job.request.aovs.iter().map(|aov| aov.kind).collect();
     kinds.sort_unstable();
     kinds.dedup();

@@ -3,33 +3,32 @@
 //!
 //! Render thread only. What can be kept from frame to frame (device, scene, wave memory, images) is kept.
 
-use crate::assets::{Scene, SceneCache, SceneView};
+use crate::assets::{DeviceScene, SceneCache, SceneView};
 use crate::device::{Device, DeviceOptions, pipeline_folder};
-use crate::engine::{self, Parts, Tiles, Tracer, Waves};
+use crate::engine::{self, CompiledFeatures, FrameTiles, WaveSource, WavefrontTracer};
 use crate::error::RenderError;
-use crate::feedback::Feedback;
+use crate::feedback::FeedbackBuffers;
 use crate::film::Film;
 use crate::first_picture::{self, FirstPictures};
-use crate::host_memory;
-use crate::in_core::{LEFT_BY_WAVES, path_needs, roomy_waves};
+use crate::frame_context::{FrameContext, geometry_cap, in_flight, is_cpu, maps_host, paths, shrinking};
+use crate::host_memory::{self, HostMemoryUser};
+use crate::in_core::{path_needs, roomy_waves, share_of_waves};
 use crate::in_flight;
-use crate::job::Job;
+use crate::job::RenderJob;
 use crate::lights::{FileCache, KeptLights, LightSource, LightTable, LightTables, MeshLightCache};
-use crate::progress::Progress;
+use crate::progress::FrameProgress;
 use crate::request::Severity;
-use crate::setting::{Setting, geometry_cap, in_flight, is_cpu, paths, shrinking};
-use crate::shared::Gate;
-use crate::specialise::ForcedFeatures;
+use crate::shared::FrameGate;
 use crate::streaming::{self, StreamBuffers};
 use crate::sync::lock;
-use crate::upload::Upload;
+use crate::upload::UploadDecision;
 use crate::view::View;
 use crate::wavefront::{BackgroundCompile, PathBuffers};
-use oocpt_abi::{Features, Frame};
-use oocpt_core::inventory::Inventory;
+use oocpt_abi::{Features, FrameConstants};
+use oocpt_core::inventory::RenderInventory;
 use oocpt_core::scene::Snapshot;
 #[cfg(feature = "faults")]
-use oocpt_gpu::{Call, Failure};
+use oocpt_gpu::{DriverCall, PlantedFailure};
 use oocpt_gpu::{Gpu, GpuError};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -42,6 +41,19 @@ const FEWEST_TILES: u64 = 8 << 20;
 
 /// Where there is no other first picture, a newer job waits so long for the first sample of each pixel.
 const FIRST_SAMPLE: Duration = Duration::from_millis(100);
+
+/// Sets the limit of host memory in which rays read tiles of textures that find no room on the device, where they may.
+/// A cap on geometry counts them: then there is none.
+fn let_tiles_be_mapped(context: &FrameContext<'_>, scene: &DeviceScene) -> Result<(), RenderError> {
+    let FrameContext { device, job, .. } = *context;
+    if scene.assets.tile_bytes > 0 && maps_host(device, &job.settings) && geometry_cap(job).is_none() {
+        let heap = device.host_heap()?;
+        let held = heap.stats().arena_bytes + heap.stats().dedicated_bytes;
+        let limit = host_memory::limit_of(HostMemoryUser::Encoded, &job.settings, held, job.fixed_host_bytes);
+        heap.set_limit(Some(limit));
+    }
+    Ok(())
+}
 
 /// What the render thread keeps from frame to frame.
 #[derive(Debug, Default)]
@@ -62,15 +74,15 @@ pub(crate) struct Renderer {
     is_frugal: bool,
     /// The scene whose textures did not fit when it was rendered in core: it is streamed.
     outgrown: Option<Arc<Snapshot>>,
-    upload: Upload,
+    upload: UploadDecision,
 }
 
 impl Renderer {
     /// Renders `job` until it is done or `gate` says no; publishes images and stats on the way. A picture whose device
     /// is lost is rendered again from its start, once, on a device that is opened anew.
-    pub(crate) fn render(&mut self, job: &Job, gate: &Gate<'_>) -> Result<(), RenderError> {
+    pub(crate) fn render(&mut self, job: &RenderJob, gate: &FrameGate<'_>) -> Result<(), RenderError> {
         job.request.validate()?;
-        let mut progress = Progress::start(gate.shared(), job);
+        let mut progress = FrameProgress::start(gate.shared(), job);
         match self.render_once(job, gate, &mut progress, 0) {
             Err(error @ RenderError::Gpu(GpuError::DeviceLost { .. })) if gate.proceed() => {
                 gate.shared()
@@ -88,9 +100,9 @@ impl Renderer {
     /// and tries once more with as little as possible.
     fn render_once(
         &mut self,
-        job: &Job,
-        gate: &Gate<'_>,
-        progress: &mut Progress<'_>,
+        job: &RenderJob,
+        gate: &FrameGate<'_>,
+        progress: &mut FrameProgress<'_>,
         lost: u32,
     ) -> Result<(), RenderError> {
         let device = self.open(job)?;
@@ -106,7 +118,7 @@ impl Renderer {
             && lost < devices
             && job.generation == 1
         {
-            device.gpu.plant_failure(Failure { call: Call::Submit, after: after.into(), times: 1 });
+            device.gpu.plant_failure(PlantedFailure { call: DriverCall::Submit, after: after.into(), times: 1 });
         }
         #[cfg(not(feature = "faults"))]
         let _ = lost;
@@ -132,7 +144,7 @@ impl Renderer {
         progress.end(&device.gpu);
         #[cfg(feature = "faults")]
         {
-            *lock(&gate.shared().witness) = crate::faults::Witness::of(&device.gpu);
+            *lock(&gate.shared().witness) = crate::faults::FaultWitness::of(&device.gpu);
         }
         if let Err(RenderError::Gpu(GpuError::DeviceLost { .. })) = &result {
             device.forget();
@@ -143,23 +155,22 @@ impl Renderer {
     fn render_on(
         &mut self,
         device: &Arc<Device>,
-        job: &Job,
-        gate: &Gate<'_>,
-        progress: &mut Progress<'_>,
+        job: &RenderJob,
+        gate: &FrameGate<'_>,
+        progress: &mut FrameProgress<'_>,
     ) -> Result<(), RenderError> {
         let view = View::of(job, gate.shared())?;
-        let (carry, unknown) = ForcedFeatures::parse(&job.settings.carry);
-        let lights = self.sync_lights(device, job, &carry, progress)?;
-        let unknown = unknown.iter().map(|name| format!("oocpt:carry: {name:?} is no feature"));
-        for warning in lights.warnings.iter().cloned().chain(unknown) {
-            gate.shared().report(Severity::Warning, warning);
+        let carry = &job.options.forced_features;
+        let lights = self.sync_lights(device, job, progress)?;
+        for warning in &lights.warnings {
+            gate.shared().report(Severity::Warning, warning.clone());
         }
         self.make_images(device, job)?;
         let Some(film) = self.film.take() else {
             return Err(RenderError::Internal("the frame's images were not made".into()));
         };
         let tables = std::mem::take(&mut self.light_tables);
-        let setting = Setting {
+        let context = FrameContext {
             device,
             job,
             rays: &view.rays,
@@ -169,13 +180,13 @@ impl Renderer {
             lighting: tables.lighting,
             film: &film,
             tables: &tables,
-            carry: &carry,
+            carry,
             light_carry: lights.carried,
             pace: self.first_pictures.pace.rate().filter(|_| job.settings.interactive),
             is_frugal: self.is_frugal,
             has_outgrown: self.outgrown.as_ref().is_some_and(|snapshot| Arc::ptr_eq(snapshot, &job.snapshot)),
         };
-        let result = self.render_scene(&setting, gate, progress);
+        let result = self.render_scene(&context, gate, progress);
         self.film = Some(film);
         self.light_tables = tables;
         self.lights = Some(lights);
@@ -186,9 +197,8 @@ impl Renderer {
     fn sync_lights(
         &mut self,
         device: &Device,
-        job: &Job,
-        carry: &ForcedFeatures,
-        progress: &mut Progress<'_>,
+        job: &RenderJob,
+        progress: &mut FrameProgress<'_>,
     ) -> Result<KeptLights, RenderError> {
         let source = LightSource::of(job);
         let textures = self.scene.open_textures(&job.snapshot, job.images.as_ref(), &job.settings);
@@ -204,6 +214,7 @@ impl Renderer {
             warnings.extend(meshes.warning.clone());
         }
         warnings.extend(self.mesh_lights.warning());
+        let carry = &job.options.forced_features;
         let carried = if carry.is_empty() { Features::empty() } else { table.carry() };
         self.light_tables.sync(device, &table)?;
         progress.timings.light_tables += 1;
@@ -213,11 +224,11 @@ impl Renderer {
     /// Renders from a scene that is all there, or, where it does not fit, from what the rays ask for.
     fn render_scene(
         &mut self,
-        setting: &Setting<'_>,
-        gate: &Gate<'_>,
-        progress: &mut Progress<'_>,
+        context: &FrameContext<'_>,
+        gate: &FrameGate<'_>,
+        progress: &mut FrameProgress<'_>,
     ) -> Result<(), RenderError> {
-        let (device, job) = (setting.device, setting.job);
+        let (device, job) = (context.device, context.job);
         progress.stage("uploading the scene");
         let mut scenes = std::mem::take(&mut self.scene);
         let scene = scenes.sync(&job.snapshot, job.images.as_ref())?;
@@ -229,11 +240,12 @@ impl Renderer {
             scene.keep_within(cap);
         }
         let missing = scene.missing_bytes();
-        let mut in_core = self.fits(setting, scene, missing) && !self.comes_meanwhile(setting, missing);
+        let mut in_core = self.fits(context, scene, missing) && !self.comes_meanwhile(context, missing);
         if in_core {
             self.stream = None;
             scene.store.kept().limit(0);
-            scene.unmap(device);
+            scene.unmap(device, maps_host(device, &job.settings));
+            let_tiles_be_mapped(context, scene)?;
             match scene.load_all(device, gate, &mut progress.timings) {
                 Ok(true) => {}
                 Ok(false) => {
@@ -250,9 +262,9 @@ impl Renderer {
         }
         progress.streaming(|stats| stats.in_core = in_core);
         let result = if in_core {
-            self.render_in_core(setting, scene, None, gate, progress)
+            self.render_in_core(context, scene, None, gate, progress)
         } else {
-            self.render_beyond(setting, scene, gate, progress)
+            self.render_beyond(context, scene, gate, progress)
         };
         for complaint in scene.assets.textures.take_complaints().into_iter().chain(scene.store.take_left_out()) {
             gate.shared().report(Severity::Warning, complaint);
@@ -265,22 +277,22 @@ impl Renderer {
     /// memory, if it comes to that, and the rest as one in core.
     fn render_beyond(
         &mut self,
-        setting: &Setting<'_>,
-        scene: &mut Scene,
-        gate: &Gate<'_>,
-        progress: &mut Progress<'_>,
+        context: &FrameContext<'_>,
+        scene: &mut DeviceScene,
+        gate: &FrameGate<'_>,
+        progress: &mut FrameProgress<'_>,
     ) -> Result<(), RenderError> {
         let mut first = None;
-        if !(streaming::may_split(setting, scene) && scene.is_all_there()) {
+        if !(streaming::may_split(context, scene) && scene.is_all_there()) {
             self.waves = None;
             // The first time, memory is made as large as the whole picture needs it.
             if self.stream.is_some() {
-                self.show_first(setting, gate, |renderer, setting, gate, progress| {
-                    streaming::render(setting, scene, (&mut renderer.stream, &mut renderer.ahead), gate, progress)
+                self.show_first(context, gate, |renderer, context, gate, progress| {
+                    streaming::render(context, scene, (&mut renderer.stream, &mut renderer.ahead), gate, progress)
                         .map(|_| ())
                 })?;
             }
-            first = streaming::render(setting, scene, (&mut self.stream, &mut self.ahead), gate, progress)?;
+            first = streaming::render(context, scene, (&mut self.stream, &mut self.ahead), gate, progress)?;
             if first.is_none() {
                 return Ok(());
             }
@@ -290,8 +302,8 @@ impl Renderer {
         if !scene.is_all_there() {
             return Err(RenderError::Internal("a chunk went before the passes that count on it".into()));
         }
-        scene.show_where_it_is(setting.device)?;
-        let mapped = setting.device.host_heap_if_made().map_or(0, |heap| heap.stats().live_bytes);
+        scene.show_where_it_is(context.device)?;
+        let mapped = context.device.host_heap_if_made().map_or(0, |heap| heap.stats().live_bytes);
         let held = scene.store.bytes();
         progress.streaming(|stats| {
             (stats.is_split, stats.mapped_bytes, stats.geometry_bytes) = (true, mapped, held);
@@ -299,35 +311,35 @@ impl Renderer {
                 stats.hit_rate = 1.0;
             }
         });
-        self.render_in_core(setting, scene, first, gate, progress)
+        self.render_in_core(context, scene, first, gate, progress)
     }
 
     /// Whether a scene that fits, but of which bytes are missing on the device, is rendered while these are loaded. Not
     /// on processors, where loading takes the cores that trace.
-    fn comes_meanwhile(&mut self, setting: &Setting<'_>, missing: u64) -> bool {
+    fn comes_meanwhile(&mut self, context: &FrameContext<'_>, missing: u64) -> bool {
         #[cfg(feature = "faults")]
-        if setting.job.options.faults.streams_first {
-            return setting.job.generation == 1;
+        if context.job.options.faults.streams_first {
+            return context.job.generation == 1;
         }
-        !is_cpu(setting.device) && self.upload.streams(missing, paths(setting.job))
+        !is_cpu(context.device) && self.upload.streams(missing, paths(context.job))
     }
 
     /// Whether the whole scene, of which bytes are missing on the device, fits what the settings and the device allow,
     /// with room for waves.
-    fn fits(&mut self, setting: &Setting<'_>, scene: &Scene, missing: u64) -> bool {
-        let (gpu, job) = (&setting.device.gpu, setting.job);
+    fn fits(&mut self, context: &FrameContext<'_>, scene: &DeviceScene, missing: u64) -> bool {
+        let (gpu, job) = (&context.device.gpu, context.job);
         let cap = geometry_cap(job);
         // A report of the chunks counts rays and loads, which only streaming does.
         let streams = self.is_frugal || job.options.force_streaming || !job.settings.chunk_report.is_empty();
         // Texture tiles are loaded on demand: a few of them may be enough.
         let least = scene.assets.geometry_bytes() + scene.assets.tile_bytes.min(FEWEST_TILES);
-        if streams || setting.has_outgrown || cap.is_some_and(|cap| least > cap) {
+        if streams || context.has_outgrown || cap.is_some_and(|cap| least > cap) {
             return false;
         }
         let missing = missing + scene.assets.tile_bytes.min(FEWEST_TILES);
-        let waves = if self.waves.is_some() { 0 } else { roomy_waves(setting, scene) };
+        let waves = if self.waves.is_some() { 0 } else { roomy_waves(context, scene) };
         let unused_arenas = || {
-            let heap = setting.device.heap.stats();
+            let heap = context.device.heap.stats();
             heap.arena_bytes.saturating_sub(heap.used_bytes)
         };
         let fits = |gpu: &Gpu| {
@@ -345,24 +357,24 @@ impl Renderer {
     /// Renders a scene that is all there, or the rest from path `first` on.
     fn render_in_core(
         &mut self,
-        setting: &Setting<'_>,
-        scene: &mut Scene,
+        context: &FrameContext<'_>,
+        scene: &mut DeviceScene,
         first: Option<u64>,
-        gate: &Gate<'_>,
-        progress: &mut Progress<'_>,
+        gate: &FrameGate<'_>,
+        progress: &mut FrameProgress<'_>,
     ) -> Result<(), RenderError> {
         if first.is_none() {
-            self.show_first(setting, gate, |renderer, setting, gate, progress| {
-                renderer.trace_in_core(setting, scene, None, gate, progress)
+            self.show_first(context, gate, |renderer, context, gate, progress| {
+                renderer.trace_in_core(context, scene, None, gate, progress)
             })?;
         }
         #[cfg(feature = "faults")]
-        if setting.job.options.faults.first_picture_alone {
+        if context.job.options.faults.first_picture_alone {
             return Ok(());
         }
-        let gate = if setting.job.settings.interactive { gate.for_first_picture(FIRST_SAMPLE) } else { *gate };
-        self.trace_in_core(setting, scene, first, &gate, progress)?;
-        if progress.timings.paths >= setting.job.request.pixels() {
+        let gate = if context.job.settings.interactive { gate.for_first_picture(FIRST_SAMPLE) } else { *gate };
+        self.trace_in_core(context, scene, first, &gate, progress)?;
+        if progress.timings.paths >= context.job.request.pixels() {
             self.first_pictures.pace.learn(progress.timings.paths, progress.timings.trace_secs);
         }
         Ok(())
@@ -371,24 +383,24 @@ impl Renderer {
     /// Shows the first picture of a job, if it is to have one ([`first_picture`]), which `render` traces.
     fn show_first(
         &mut self,
-        setting: &Setting<'_>,
-        gate: &Gate<'_>,
-        render: impl FnOnce(&mut Self, &Setting<'_>, &Gate<'_>, &mut Progress<'_>) -> Result<(), RenderError>,
+        context: &FrameContext<'_>,
+        gate: &FrameGate<'_>,
+        render: impl FnOnce(&mut Self, &FrameContext<'_>, &FrameGate<'_>, &mut FrameProgress<'_>) -> Result<(), RenderError>,
     ) -> Result<(), RenderError> {
         let mut kept = std::mem::take(&mut self.first_pictures);
-        if let Some(picture) = (!setting.is_frugal).then(|| kept.begin(setting.device, setting.job)).flatten() {
+        if let Some(picture) = (!context.is_frugal).then(|| kept.begin(context.device, context.job)).flatten() {
             let began = Instant::now();
             let view = View::of(&picture.job, &kept.apart)?;
-            let inner = Setting {
+            let inner = FrameContext {
                 job: &picture.job,
                 rays: &view.rays,
                 camera_motion: view.motion.as_ref(),
                 clip_planes: &view.clip_planes,
                 film: &picture.film,
-                ..*setting
+                ..*context
             };
             let gate = gate.for_first_picture(first_picture::PATIENCE);
-            let mut progress = Progress::start(&kept.apart, &picture.job);
+            let mut progress = FrameProgress::start(&kept.apart, &picture.job);
             match render(self, &inner, &gate, &mut progress) {
                 // The whole picture finds out what to do about it.
                 Err(
@@ -400,7 +412,7 @@ impl Renderer {
             let is_whole = !picture.film.has_color() || progress.paths_done() >= progress.total_paths();
             let done = (progress.is_finished() && is_whole).then(|| began.elapsed().as_secs_f64());
             drop(progress);
-            kept.end(picture, done, &mut lock(&gate.shared().published), is_cpu(setting.device));
+            kept.end(picture, done, &mut lock(&gate.shared().published), is_cpu(context.device));
         }
         self.first_pictures = kept;
         Ok(())
@@ -408,45 +420,46 @@ impl Renderer {
 
     fn trace_in_core(
         &mut self,
-        setting: &Setting<'_>,
-        scene: &mut Scene,
+        context: &FrameContext<'_>,
+        scene: &mut DeviceScene,
         first: Option<u64>,
-        gate: &Gate<'_>,
-        progress: &mut Progress<'_>,
+        gate: &FrameGate<'_>,
+        progress: &mut FrameProgress<'_>,
     ) -> Result<(), RenderError> {
-        let device = setting.device;
+        let device = context.device;
         let held = scene.tile_bytes_held();
         progress.streaming(|stats| stats.texture_bytes = held);
         let view = scene.view(scene.stack_entries())?;
-        let parts = Parts::new(setting, &view, false);
-        let mut view = if setting.carry.levels { view.deepest(scene.stack_entries()) } else { view };
-        if let Some((stack_size, passes)) = self.ahead.serves(parts.compiled_for(setting, &view)?.0) {
+        let parts = CompiledFeatures::new(context, &view, false);
+        let mut view = if context.carry.levels { view.deepest(scene.stack_entries()) } else { view };
+        if let Some((stack_size, passes)) = self.ahead.serves(parts.compiled_for(context, &view)?.0) {
             view.stack_size = stack_size;
             progress.streaming(|stats| stats.compiled_ahead = passes);
         }
-        self.make_waves(setting, &view, parts.features)?;
+        self.make_waves(context, &view, parts.features, (scene.assets.tile_bytes, scene.maps_tiles(device)))?;
         let Some(paths) = &self.waves else {
             return Err(RenderError::Internal("the frame's waves were not made".into()));
         };
         let tiles = scene.assets.textures.tile_count();
         let feedback = paths.incomplete_paths();
-        let feedback = feedback.map(|paths| Feedback::new(&device.gpu, tiles, paths.address())).transpose()?;
-        let mut listed = Inventory::default();
+        let feedback = feedback.map(|paths| FeedbackBuffers::new(&device.gpu, tiles, paths.address())).transpose()?;
+        let mut listed = RenderInventory::default();
         scene.list(&mut listed, true);
         paths.list(&mut listed);
         if let Some(feedback) = &feedback {
             feedback.list(&mut listed);
         }
-        let bind = |block: &mut Frame| block.texture_feedback = feedback.as_ref().map_or(0, Feedback::address);
-        let mut tracer = Tracer::new(setting, paths, (&view, parts), listed, bind, progress)?;
+        let bind =
+            |block: &mut FrameConstants| block.texture_feedback = feedback.as_ref().map_or(0, FeedbackBuffers::address);
+        let mut tracer = WavefrontTracer::new(context, paths, (&view, parts), listed, bind, progress)?;
         if let (Some(feedback), Some(incomplete_paths)) = (&feedback, paths.incomplete_paths()) {
             tracer.traces_into(feedback.written().into_iter().chain([incomplete_paths]).collect());
         }
-        let tiles = Tiles { scene, cap: geometry_cap(setting.job), feedback: feedback.as_ref() };
-        engine::render(&mut Waves::new(tracer, tiles, feedback.as_ref(), first), gate, progress).map(|_| ())
+        let tiles = FrameTiles { scene, cap: geometry_cap(context.job), feedback: feedback.as_ref() };
+        engine::render(&mut WaveSource::new(tracer, tiles, feedback.as_ref(), first), gate, progress).map(|_| ())
     }
 
-    fn open(&mut self, job: &Job) -> Result<Arc<Device>, RenderError> {
+    fn open(&mut self, job: &RenderJob) -> Result<Arc<Device>, RenderError> {
         let options = DeviceOptions {
             selector: job.settings.device.clone(),
             validation: job.options.validation,
@@ -463,7 +476,7 @@ impl Renderer {
         Ok(device)
     }
 
-    fn make_images(&mut self, device: &Device, job: &Job) -> Result<(), RenderError> {
+    fn make_images(&mut self, device: &Device, job: &RenderJob) -> Result<(), RenderError> {
         let adaptive = job.settings.adaptive_sampling;
         if !self.film.as_ref().is_some_and(|film| film.fits(&job.request, adaptive)) {
             self.film = None;
@@ -472,14 +485,20 @@ impl Renderer {
         self.film.as_mut().map_or(Ok(()), |film| film.begin(job))
     }
 
-    /// Wave memory: as [`crate::in_flight`] says, and no more than a share of what the budget leaves; less when there
-    /// is no memory.
-    fn make_waves(&mut self, setting: &Setting<'_>, view: &SceneView, features: Features) -> Result<(), RenderError> {
-        let Setting { device, .. } = *setting;
+    /// Wave memory: as [`crate::in_flight`] says, and no more than a share of what the budget leaves
+    /// ([`share_of_waves`]); less when there is no memory. `tiles`: bytes of all tiles, and whether they are mapped.
+    fn make_waves(
+        &mut self,
+        context: &FrameContext<'_>,
+        view: &SceneView,
+        features: Features,
+        tiles: (u64, bool),
+    ) -> Result<(), RenderError> {
+        let FrameContext { device, .. } = *context;
         let textures = features.contains(Features::TEXTURES);
-        let needs = path_needs(setting, textures, features.contains(Features::DEFERRED_CUTOUTS));
+        let needs = path_needs(context, textures, features.contains(Features::DEFERRED_CUTOUTS));
         let path_bytes = needs.bytes_a_path(view.max_levels);
-        let wanted = in_flight(setting, path_bytes).wanted();
+        let wanted = in_flight(context, path_bytes).wanted();
         let fits = |waves: &PathBuffers| waves.serves(view.max_levels, needs) && waves.asked >= wanted;
         if self.waves.as_ref().is_some_and(fits) {
             return Ok(());
@@ -488,7 +507,7 @@ impl Renderer {
         let memory = device.gpu.memory();
         // Nothing else comes once a scene is there, but for tiles of textures.
         let unused = memory.budget.saturating_sub(memory.used);
-        let share = if textures { unused / 2 } else { unused - unused / LEFT_BY_WAVES };
+        let share = share_of_waves(unused, if textures { tiles.0 } else { 0 }, tiles.1);
         let capacity = wanted.min(share / path_bytes).max(in_flight::FEWEST);
         let mut waves = shrinking(capacity, in_flight::FEWEST, |capacity| {
             PathBuffers::new(&device.gpu, capacity, view.max_levels, needs)

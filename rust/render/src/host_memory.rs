@@ -3,11 +3,11 @@
 //!
 //! With a budget, what can be put nowhere else comes first: arrays that the host application lends, tables of
 //! instances, the loader's staging memory. Decoded images have their share, and the rest is divided among what can be
-//! evicted or be on disk ([`Part`]). Linux: `/proc/meminfo`, the limits of control groups and `/proc/self/status`;
-//! elsewhere a guess, and nothing.
+//! evicted or be on disk ([`HostMemoryUser`]). Linux: `/proc/meminfo`, the limits of control groups and
+//! `/proc/self/status`; elsewhere a guess, and nothing.
 
 use oocpt_core::partition::ITEM_BYTES;
-use oocpt_core::scene::Lent;
+use oocpt_core::scene::LentBytes;
 use oocpt_core::settings::Settings;
 use std::path::Path;
 
@@ -15,7 +15,7 @@ use std::path::Path;
 const UNKNOWN: u64 = 2 << 30;
 /// Who takes host memory: the eighths of the budget that are his, and of what is free where there is none.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Part {
+pub(crate) enum HostMemoryUser {
     /// Built meshes; an eighth of a budget is for those that are read again ([`reading`]). Taken first, and what is
     /// free is looked at again then: so eighths of that are more than eight.
     Meshes,
@@ -25,7 +25,7 @@ pub(crate) enum Part {
     EndedPaths,
 }
 
-impl Part {
+impl HostMemoryUser {
     const fn eighths(self) -> (u64, u64) {
         match self {
             Self::Meshes => (3, 4),
@@ -55,7 +55,7 @@ pub(crate) fn images(settings: &Settings) -> u64 {
 }
 
 /// Most bytes of a part, of which `held` are held already, beside `fixed` bytes that can be put nowhere else.
-pub(crate) fn limit_of(part: Part, settings: &Settings, held: u64, fixed: u64) -> u64 {
+pub(crate) fn limit_of(part: HostMemoryUser, settings: &Settings, held: u64, fixed: u64) -> u64 {
     let (of_budget, of_free) = part.eighths();
     match budget(settings) {
         None => free(Path::new("/")).map_or(UNKNOWN, |free| free.saturating_add(held)) / 8 * of_free,
@@ -83,7 +83,7 @@ pub(crate) struct OfCommit {
 pub(crate) fn of_commit(settings: &Settings, fixed: u64, has_rendered: bool) -> OfCommit {
     let Some(budget) = budget(settings) else { return OfCommit { building: u64::MAX, sorting: ITEM_BYTES } };
     let left = left(settings, budget, fixed);
-    let (of_meshes, _) = Part::Meshes.eighths();
+    let (of_meshes, _) = HostMemoryUser::Meshes.eighths();
     let building = if has_rendered { left / 8 * of_meshes } else { left };
     OfCommit { building, sorting: ITEM_BYTES.min(left / SORTING_SHARE) }
 }
@@ -95,9 +95,9 @@ fn left(settings: &Settings, budget: u64, fixed: u64) -> u64 {
 
 /// What a scene takes of a budget, bytes.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Taken<'a> {
+pub(crate) struct HostMemoryTaken<'a> {
     /// Arrays.
-    pub(crate) lent: &'a Lent,
+    pub(crate) lent: &'a LentBytes,
     /// Tables of instances.
     pub(crate) tables: u64,
     /// The loader's staging memory.
@@ -111,8 +111,8 @@ pub(crate) struct Taken<'a> {
 }
 
 /// What is to be said of a scene that does not keep to `budget`: of what can be put nowhere else first.
-pub(crate) fn complaint(budget: u64, taken: &Taken<'_>) -> Option<String> {
-    let Taken { lent, tables, staging, held, building, has_files } = *taken;
+pub(crate) fn complaint(budget: u64, taken: &HostMemoryTaken<'_>) -> Option<String> {
+    let HostMemoryTaken { lent, tables, staging, held, building, has_files } = *taken;
     let mib = |bytes: u64| bytes.div_ceil(1 << 20);
     let fixed = lent.bytes.saturating_add(tables);
     let what = if fixed > budget {
@@ -228,10 +228,17 @@ mod tests {
 
     #[test]
     fn a_scene_above_the_host_budget_names_its_largest_prim() {
-        let lent = Lent { bytes: 60 << 20, largest: Some(("/city".into(), 50 << 20)) };
+        let lent = LentBytes { bytes: 60 << 20, largest: Some(("/city".into(), 50 << 20)) };
         let of = |tables: u64, held: u64, building: Option<u64>, has_files| {
             let building = building.map(|mib| mib << 20);
-            let taken = Taken { lent: &lent, tables: tables << 20, staging: 0, held: held << 20, building, has_files };
+            let taken = HostMemoryTaken {
+                lent: &lent,
+                tables: tables << 20,
+                staging: 0,
+                held: held << 20,
+                building,
+                has_files,
+            };
             complaint(64 << 20, &taken)
         };
         assert_eq!([of(4, 0, None, false), of(4, 1 << 20, None, true)], [None, None], "it fits, or can be on disk");
@@ -239,10 +246,11 @@ mod tests {
         assert!(text.contains("built meshes take 1 MiB beside 64 MiB") && text.contains("geometryCache"), "{text}");
         let text = of(4, 1, Some(9), true).expect("building takes more");
         assert!(text.contains("building meshes takes up to 9 MiB beside 64 MiB"), "{text}");
-        let lends_nothing = Lent::default();
+        let lends_nothing = LentBytes::default();
         let building = Some(60 << 20);
-        let within = Taken { lent: &lends_nothing, tables: 4 << 20, staging: 0, held: 0, building, has_files: true };
-        let text = complaint(64 << 20, &Taken { staging: 1, ..within }).expect("staging memory counts");
+        let within =
+            HostMemoryTaken { lent: &lends_nothing, tables: 4 << 20, staging: 0, held: 0, building, has_files: true };
+        let text = complaint(64 << 20, &HostMemoryTaken { staging: 1, ..within }).expect("staging memory counts");
         assert!(text.contains("staging memory"), "{text}");
         assert_eq!(complaint(64 << 20, &within), None, "all of it together fits");
         let text = of(5, 0, Some(9), true).expect("it does not fit");
@@ -270,7 +278,7 @@ mod tests {
     #[test]
     fn the_host_memory_setting_overrides_the_detected_limit() {
         let settings = Settings { host_memory_budget_mib: 64, ..Settings::default() };
-        let parts = [Part::Meshes, Part::Encoded, Part::EndedPaths];
+        let parts = [HostMemoryUser::Meshes, HostMemoryUser::Encoded, HostMemoryUser::EndedPaths];
         let limits = |fixed| parts.map(|part| limit_of(part, &settings, 1 << 40, fixed) >> 20);
         assert_eq!(limits(0), [21, 21, 7], "an eighth is for images");
         assert_eq!(limits(24 << 20), [12, 12, 4], "what is fixed comes first");
@@ -281,7 +289,7 @@ mod tests {
             let most = (64 << 20) - images(&settings);
             assert!(all + fixed <= most || all <= 8 << 20, "{fixed}: together they keep to the budget");
         }
-        let half = limit_of(Part::Meshes, &Settings::default(), 1 << 40, 1 << 50);
+        let half = limit_of(HostMemoryUser::Meshes, &Settings::default(), 1 << 40, 1 << 50);
         assert!(half >= 1 << 39, "what is held already counts as free: {half}");
     }
 }

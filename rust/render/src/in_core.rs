@@ -1,29 +1,55 @@
 // SPDX-License-Identifier: Apache-2.0
 //! What a scene in core needs of the device beside its geometry. Pure.
 
-use crate::assets::Scene;
-use crate::setting::{Setting, has_light_paths, has_shadow_rays, in_flight};
+use crate::assets::DeviceScene;
+use crate::frame_context::{FrameContext, has_light_paths, has_shadow_rays, in_flight};
 use crate::wavefront::PathNeeds;
 
-/// Share of what is unused that waves leave to others, where no tiles of textures come.
+/// Share of what is unused that waves leave to others.
 pub(crate) const LEFT_BY_WAVES: u64 = 8;
+/// Least bytes that waves leave to tiles of textures where those that find no room are read in host memory.
+const FEWEST_TILES_BESIDE_MAPPED: u64 = 8 << 20;
+
+/// Bytes of the `unused` ones that waves may take. `tile_bytes`: of all tiles of the scene's textures, which come
+/// later; `maps_tiles`: those that find no room on the device are read in host memory.
+pub(crate) fn share_of_waves(unused: u64, tile_bytes: u64, maps_tiles: bool) -> u64 {
+    let left = unused / LEFT_BY_WAVES;
+    let tiles = if maps_tiles { left.max(FEWEST_TILES_BESIDE_MAPPED) } else { unused / 2 };
+    unused - left.max(tiles.min(tile_bytes)).min(unused / 2)
+}
 
 /// Bytes of the waves that a scene in core needs room for.
-pub(crate) fn roomy_waves(setting: &Setting<'_>, scene: &Scene) -> u64 {
+pub(crate) fn roomy_waves(context: &FrameContext<'_>, scene: &DeviceScene) -> u64 {
     let textures = scene.assets.tile_bytes > 0;
     // Whether cutouts need queues is not known yet: they take little, and only of scenes that have textures.
-    let path_bytes = path_needs(setting, textures, false).bytes_a_path(scene.levels());
-    in_flight(setting, path_bytes).roomy() * path_bytes
+    let path_bytes = path_needs(context, textures, false).bytes_a_path(scene.levels());
+    in_flight(context, path_bytes).roomy() * path_bytes
 }
 
 /// What the paths of a scene in core need.
-pub(crate) fn path_needs(setting: &Setting<'_>, textures: bool, deferred_cutouts: bool) -> PathNeeds {
+pub(crate) fn path_needs(context: &FrameContext<'_>, textures: bool, deferred_cutouts: bool) -> PathNeeds {
     PathNeeds {
         // First hits ask no light.
-        shadows: setting.film.has_color() && has_shadow_rays(setting),
+        shadows: context.film.has_color() && has_shadow_rays(context),
         textures,
-        light_paths: has_light_paths(setting),
+        light_paths: has_light_paths(context),
         feedback: textures,
         deferred_cutouts,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn waves_leave_room_for_tiles_that_must_be_on_the_device() {
+        const MIB: u64 = 1 << 20;
+        assert_eq!(share_of_waves(800 * MIB, 0, false), 700 * MIB, "no textures");
+        assert_eq!(share_of_waves(800 * MIB, 150 * MIB, false), 650 * MIB, "all tiles fit");
+        assert_eq!(share_of_waves(800 * MIB, 4000 * MIB, false), 400 * MIB, "half where they do not");
+        assert_eq!(share_of_waves(800 * MIB, 4000 * MIB, true), 700 * MIB, "the rest is mapped");
+        assert_eq!(share_of_waves(24 * MIB, 4000 * MIB, true), 16 * MIB, "a few tiles find room");
+        assert_eq!(share_of_waves(8 * MIB, 4000 * MIB, true), 4 * MIB, "waves keep half");
     }
 }

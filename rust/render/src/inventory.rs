@@ -2,30 +2,34 @@
 //! Lists what a render is made of, for the stats: from the pipelines and buffers that there are. Render thread only.
 
 use crate::bsdf_tables;
-use crate::device::{Device, Specialisation};
-use crate::setting::Setting;
+use crate::device::{Device, PassSpecialisation};
+use crate::frame_context::FrameContext;
 use crate::specialise;
-use crate::wavefront::{Backend, Passes};
+use crate::wavefront::{TraversalBackend, WavefrontPasses};
 use oocpt_abi::Features;
-use oocpt_core::inventory::{Inventory, PassUse};
+use oocpt_core::inventory::{PassUse, RenderInventory};
 use oocpt_shaders::ALL;
 
 /// What the passes of a frame are.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Compiled<'a> {
-    pub(crate) passes: &'a Passes,
-    pub(crate) special: Specialisation,
+pub(crate) struct CompiledPasses<'a> {
+    pub(crate) passes: &'a WavefrontPasses,
+    pub(crate) special: PassSpecialisation,
     /// Of the features, those that the scene does not need.
     pub(crate) carried: Features,
-    pub(crate) backend: Backend,
+    pub(crate) backend: TraversalBackend,
 }
 
 /// The inventory of a frame; the scene and the paths have `listed` what they hold.
-pub(crate) fn of_frame(setting: &Setting<'_>, compiled: Compiled<'_>, listed: Inventory) -> Inventory {
-    let Setting { device, job, film, tables, .. } = *setting;
-    let Compiled { special, carried, .. } = compiled;
+pub(crate) fn of_frame(
+    context: &FrameContext<'_>,
+    compiled: CompiledPasses<'_>,
+    listed: RenderInventory,
+) -> RenderInventory {
+    let FrameContext { device, job, film, tables, .. } = *context;
+    let CompiledPasses { special, carried, .. } = compiled;
     let features = special.features;
-    let mut inventory = Inventory {
+    let mut inventory = RenderInventory {
         features: specialise::list(features, carried),
         passes: passes(device, compiled.passes),
         max_levels: special.max_levels,
@@ -44,7 +48,7 @@ pub(crate) fn of_frame(setting: &Setting<'_>, compiled: Compiled<'_>, listed: In
 }
 
 /// Every pass of the renderer, and whether it has a pipeline here.
-fn passes(device: &Device, passes: &Passes) -> Vec<PassUse> {
+fn passes(device: &Device, passes: &WavefrontPasses) -> Vec<PassUse> {
     let made: Vec<_> = passes.all().collect();
     let entry = |name: &str| {
         let pipeline = made.iter().find(|pipeline| pipeline.name() == name);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! What a render thread is asked to render. Plain data.
 
+use crate::forced_features::ForcedFeatures;
 use crate::light_files::LightFiles;
 use crate::request::RenderRequest;
 use crate::textures::ImageLibrary;
@@ -11,7 +12,7 @@ use std::sync::Arc;
 
 /// What to render; immutable once posted.
 #[derive(Clone, Debug)]
-pub(crate) struct Job {
+pub(crate) struct RenderJob {
     pub(crate) snapshot: Arc<Snapshot>,
     pub(crate) request: RenderRequest,
     pub(crate) settings: Settings,
@@ -24,7 +25,7 @@ pub(crate) struct Job {
     pub(crate) meshes_made: u64,
     /// Bytes of host memory that can be put nowhere else; 0 where there is no budget of it.
     pub(crate) fixed_host_bytes: u64,
-    /// That of `Control` when it was posted.
+    /// That of `RenderControl` when it was posted.
     pub(crate) generation: u64,
 }
 
@@ -37,6 +38,8 @@ pub struct SessionOptions {
     pub profile: bool,
     /// Streams the scene even if it fits. For tests and benches.
     pub force_streaming: bool,
+    /// Compiles more into the passes than the scene needs; the picture stays the same. For tests and benches.
+    pub forced_features: ForcedFeatures,
     /// Most paths that a scene in core has in flight, to the power of two below; none: as many as pay. For tests and
     /// benches.
     pub in_flight: Option<u32>,
@@ -47,5 +50,5 @@ pub struct SessionOptions {
     pub closing_words: bool,
     /// Faults injected by tests.
     #[cfg(feature = "faults")]
-    pub faults: crate::faults::Faults,
+    pub faults: crate::faults::PlantedFaults,
 }

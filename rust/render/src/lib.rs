@@ -4,7 +4,7 @@
 //! The straight line of a ray: `frame` (what a render consists of) -> `engine` (what is submitted when) ->
 //! `wavefront` (the passes: generate, intersect, shade, accumulate) -> `film` (images) -> the session's published
 //! images. The straight line of a mesh: `oocpt_core::scene` -> `assets` (load, build, tables) -> traversal. Scenes that
-//! do not fit: `streaming`, a feed of the engine.
+//! do not fit: `streaming`, a path source of the engine.
 //!
 //! Modules use those below them and no other: `cargo xtask check` finds a circle.
 #![forbid(unsafe_code)]
@@ -30,7 +30,9 @@ mod faults;
 mod feedback;
 mod film;
 mod first_picture;
+mod forced_features;
 mod frame;
+mod frame_context;
 mod geometry_files;
 mod host_memory;
 mod in_core;
@@ -52,7 +54,6 @@ mod reference;
 mod request;
 mod schedule;
 mod session;
-mod setting;
 mod shared;
 mod specialise;
 mod streaming;
@@ -69,10 +70,11 @@ pub use aov::{AovKind, AovRequest};
 pub use early::EarlyEnd;
 pub use error::RenderError;
 #[cfg(feature = "faults")]
-pub use faults::{Faults, Witness};
+pub use faults::{FaultWitness, PlantedFaults};
+pub use forced_features::ForcedFeatures;
 pub use host_memory::peak as host_peak_bytes;
 pub use job::SessionOptions;
 pub use light_files::{LightFiles, LightPicture, NoFiles};
 pub use request::{MAX_PIXELS, MAX_SIDE, Message, RenderRequest, Severity};
 pub use session::Session;
-pub use timings::{LeftMoment, PassTime, Timings};
+pub use timings::{LeftMoment, PassTime, RenderTimings};

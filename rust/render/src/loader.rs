@@ -4,7 +4,7 @@
 //! One thread per core up to [`MOST_THREADS`], since one thread fills only a quarter of the bus.
 
 use crate::error::RenderError;
-use crate::reading::Reading;
+use crate::reading::ReadingLimit;
 use crossbeam_channel::{Sender, unbounded};
 use oocpt_gpu::{Gpu, StagingRing};
 use std::sync::Arc;
@@ -20,24 +20,24 @@ fn thread_count() -> usize {
 }
 
 /// What a thread does. Must not panic.
-pub(crate) type Task = Box<dyn FnOnce(&Arc<Gpu>, &StagingRing) + Send>;
+pub(crate) type LoaderTask = Box<dyn FnOnce(&Arc<Gpu>, &StagingRing) + Send>;
 
 /// The threads and their staging memory.
 #[derive(Debug)]
 pub(crate) struct Loader {
     /// What the threads read of meshes at a time.
-    reading: Arc<Reading>,
-    tasks: Option<Sender<Task>>,
+    reading: Arc<ReadingLimit>,
+    tasks: Option<Sender<LoaderTask>>,
     threads: Vec<JoinHandle<()>>,
     ring: Arc<StagingRing>,
 }
 
 impl Loader {
     /// Starts the threads.
-    pub(crate) fn new(gpu: &Arc<Gpu>, reading: Arc<Reading>) -> Result<Self, RenderError> {
+    pub(crate) fn new(gpu: &Arc<Gpu>, reading: Arc<ReadingLimit>) -> Result<Self, RenderError> {
         let count = thread_count();
         let ring = Arc::new(StagingRing::new(gpu, Self::staging_bytes())?);
-        let (tasks, queue) = unbounded::<Task>();
+        let (tasks, queue) = unbounded::<LoaderTask>();
         let mut threads = Vec::with_capacity(count);
         for _ in 0..count {
             let (gpu, ring, queue) = (Arc::clone(gpu), Arc::clone(&ring), queue.clone());
@@ -58,7 +58,7 @@ impl Loader {
     }
 
     /// What the threads read of meshes at a time.
-    pub(crate) fn reading(&self) -> &Arc<Reading> {
+    pub(crate) fn reading(&self) -> &Arc<ReadingLimit> {
         &self.reading
     }
 
@@ -78,7 +78,7 @@ impl Loader {
     }
 
     /// Hands `task` to the next thread that is free.
-    pub(crate) fn run(&self, task: Task) -> Result<(), RenderError> {
+    pub(crate) fn run(&self, task: LoaderTask) -> Result<(), RenderError> {
         match self.tasks.as_ref().map(|tasks| tasks.send(task)) {
             Some(Ok(())) => Ok(()),
             _ => Err(RenderError::Internal("the loader's threads have ended".into())),

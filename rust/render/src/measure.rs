@@ -17,7 +17,7 @@ const WORST: usize = 8;
 
 /// What the film said of its error.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Measured {
+pub(crate) struct MeasuredError {
     pub(crate) sums: convergence::ErrorSums,
     /// Worst first.
     pub(crate) worst: Vec<WorstPixel>,
@@ -30,7 +30,7 @@ pub(crate) struct Measured {
 }
 
 /// Reads a slot, once its commands are done; none without colour.
-pub(crate) fn read(film: &Film, slot: u32, [width, height]: [u32; 2]) -> Result<Option<Measured>, GpuError> {
+pub(crate) fn read(film: &Film, slot: u32, [width, height]: [u32; 2]) -> Result<Option<MeasuredError>, GpuError> {
     let Some((parts, counters)) = film.error(slot)? else { return Ok(None) };
     let sum = |of: fn(&ErrorSums) -> f32| parts.iter().map(|part| f64::from(of(part))).sum();
     let sums = convergence::ErrorSums {
@@ -49,7 +49,7 @@ pub(crate) fn read(film: &Film, slot: u32, [width, height]: [u32; 2]) -> Result<
         y: height.saturating_sub(1).saturating_sub(part.worst_pixel / width.max(1)),
         error: f64::from(part.worst),
     };
-    Ok(Some(Measured {
+    Ok(Some(MeasuredError {
         sums,
         worst: worst.iter().take(WORST).map(place).collect(),
         fewest: parts.iter().map(|part| part.fewest).min().unwrap_or(0),

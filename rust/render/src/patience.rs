@@ -9,7 +9,7 @@ const MINUTE: Duration = Duration::from_secs(60);
 
 /// What to do about a wait.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Verdict {
+pub(crate) enum WaitVerdict {
     /// Wait on.
     Wait,
     /// Tell that nothing has come for so long, and wait on.
@@ -20,13 +20,13 @@ pub(crate) enum Verdict {
 
 /// A wait for loads.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Patience {
+pub(crate) struct LoadWait {
     since: Instant,
     every: Duration,
     told: u32,
 }
 
-impl Patience {
+impl LoadWait {
     /// A wait that begins now.
     pub(crate) fn new(now: Instant) -> Self {
         Self { since: now, every: MINUTE, told: 0 }
@@ -51,16 +51,16 @@ impl Patience {
     }
 
     /// Asked again and again; `lives`: the threads that load do.
-    pub(crate) fn check(&mut self, now: Instant, lives: bool) -> Verdict {
+    pub(crate) fn check(&mut self, now: Instant, lives: bool) -> WaitVerdict {
         if !lives {
-            return Verdict::Over;
+            return WaitVerdict::Over;
         }
         let waited = now.saturating_duration_since(self.since);
         if waited < self.every.saturating_mul(self.told.saturating_add(1)) {
-            return Verdict::Wait;
+            return WaitVerdict::Wait;
         }
         self.told = self.told.saturating_add(1);
-        Verdict::Tell(waited)
+        WaitVerdict::Tell(waited)
     }
 }
 
@@ -78,15 +78,15 @@ mod tests {
     fn a_slow_load_warns_once_a_minute_and_is_awaited() {
         let start = Instant::now();
         let at = |secs| start + Duration::from_secs(secs);
-        let mut patience = Patience::new(start);
+        let mut patience = LoadWait::new(start);
         let told = (0..7200).filter(|secs| match patience.check(at(*secs), true) {
-            Verdict::Tell(waited) => waited == Duration::from_secs(*secs),
-            verdict => verdict == Verdict::Over,
+            WaitVerdict::Tell(waited) => waited == Duration::from_secs(*secs),
+            verdict => verdict == WaitVerdict::Over,
         });
         assert_eq!(told.collect::<Vec<_>>(), (1..120).map(|minute| 60 * minute).collect::<Vec<_>>());
         patience.came(at(7200));
-        assert_eq!(patience.check(at(7259), true), Verdict::Wait, "a new wait");
-        assert_eq!(patience.check(at(7260), true), Verdict::Tell(Duration::from_secs(60)));
-        assert_eq!(patience.check(at(7261), false), Verdict::Over, "nobody loads any more");
+        assert_eq!(patience.check(at(7259), true), WaitVerdict::Wait, "a new wait");
+        assert_eq!(patience.check(at(7260), true), WaitVerdict::Tell(Duration::from_secs(60)));
+        assert_eq!(patience.check(at(7261), false), WaitVerdict::Over, "nobody loads any more");
     }
 }

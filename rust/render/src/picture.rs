@@ -9,7 +9,7 @@
 
 use exr::meta::attribute::{AttributeValue, Text};
 use exr::prelude::{Encoding, Image, Layer, LayerAttributes, MetaData, SpecificChannels, Vec2, WritableImage as _};
-use oocpt_core::stats::{ErrorRow, Stats};
+use oocpt_core::stats::{ErrorRow, RenderStats};
 use serde::Serialize;
 use std::io::{BufReader, BufWriter};
 use std::path::Path;
@@ -23,14 +23,14 @@ const LONGEST: usize = 400;
 /// An attribute's value.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
-pub enum Value {
+pub enum PictureAttribute {
     /// Words.
     Text(String),
     /// A number; counts are exact below 2^53.
     Number(f64),
 }
 
-impl std::fmt::Display for Value {
+impl std::fmt::Display for PictureAttribute {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::Text(text) => f.write_str(text),
@@ -40,7 +40,7 @@ impl std::fmt::Display for Value {
 }
 
 /// How a picture was made: names without `oocpt:`, and values.
-pub type Attributes = Vec<(String, Value)>;
+pub type PictureAttributes = Vec<(String, PictureAttribute)>;
 
 /// Why a picture was not written or read.
 #[derive(Debug, thiserror::Error)]
@@ -55,7 +55,13 @@ pub enum PictureError {
 
 /// Attributes of the picture that a render has made.
 #[expect(clippy::cast_precision_loss, reason = "counts are exact below 2^53")]
-pub(crate) fn attributes(stats: &Stats, device: &str, driver: &str, seed: u32, max_bounces: u32) -> Attributes {
+pub(crate) fn attributes(
+    stats: &RenderStats,
+    device: &str,
+    driver: &str,
+    seed: u32,
+    max_bounces: u32,
+) -> PictureAttributes {
     let ErrorRow { samples, seconds, seconds_tracing, rays, estimate, bytes_paged, truth, .. } =
         stats.error.clone().unwrap_or_else(|| ErrorRow {
             samples: stats.samples_completed,
@@ -63,8 +69,8 @@ pub(crate) fn attributes(stats: &Stats, device: &str, driver: &str, seed: u32, m
             rays: stats.rays_traced,
             ..ErrorRow::default()
         });
-    let number = |name: &str, number: f64| (name.to_owned(), Value::Number(number));
-    let text = |name: &str, text: &str| (name.to_owned(), Value::Text(text.to_owned()));
+    let number = |name: &str, number: f64| (name.to_owned(), PictureAttribute::Number(number));
+    let text = |name: &str, text: &str| (name.to_owned(), PictureAttribute::Text(text.to_owned()));
     let mut all = vec![
         text("renderer", &format!("OocPT {}", env!("CARGO_PKG_VERSION"))),
         text("device", device),
@@ -94,7 +100,7 @@ pub(crate) fn attributes(stats: &Stats, device: &str, driver: &str, seed: u32, m
 ///
 /// # Errors
 /// [`PictureError`].
-pub fn write(path: &Path, size: [u32; 2], rgba: &[f32], attributes: &Attributes) -> Result<(), PictureError> {
+pub fn write(path: &Path, size: [u32; 2], rgba: &[f32], attributes: &PictureAttributes) -> Result<(), PictureError> {
     let [width, height] = size.map(|side| side as usize);
     if rgba.len() != width * height * 4 || rgba.is_empty() {
         return Err(PictureError::Size(rgba.len(), size[0], size[1]));
@@ -106,8 +112,8 @@ pub fn write(path: &Path, size: [u32; 2], rgba: &[f32], attributes: &Attributes)
     let mut layer = LayerAttributes::default();
     for (name, value) in attributes {
         let value = match value {
-            Value::Text(text) => AttributeValue::Text(Text::from(text.as_str())),
-            Value::Number(number) => AttributeValue::F64(*number),
+            PictureAttribute::Text(text) => AttributeValue::Text(Text::from(text.as_str())),
+            PictureAttribute::Number(number) => AttributeValue::F64(*number),
         };
         layer.other.insert(Text::from(format!("{PREFIX}{name}").as_str()), value);
     }
@@ -124,19 +130,19 @@ pub fn write(path: &Path, size: [u32; 2], rgba: &[f32], attributes: &Attributes)
 ///
 /// # Errors
 /// [`PictureError::File`].
-pub fn read_attributes(path: &Path) -> Result<Attributes, PictureError> {
+pub fn read_attributes(path: &Path) -> Result<PictureAttributes, PictureError> {
     let said = |error: exr::error::Error| PictureError::File(path.display().to_string(), error.to_string());
     let file = oocpt_files::open(path).map_err(exr::error::Error::from).map_err(said)?;
     let meta = MetaData::read_from_buffered(BufReader::new(file), false).map_err(said)?;
-    let mut found = Attributes::new();
+    let mut found = PictureAttributes::new();
     for header in &meta.headers {
         for (name, value) in header.own_attributes.other.iter().chain(&header.shared_attributes.other) {
             let Some(name) = name.to_string().strip_prefix(PREFIX).map(printable) else { continue };
             let value = match value {
-                AttributeValue::Text(text) => Value::Text(printable(&text.to_string())),
-                AttributeValue::F64(number) => Value::Number(*number),
-                AttributeValue::F32(number) => Value::Number(f64::from(*number)),
-                AttributeValue::I32(number) => Value::Number(f64::from(*number)),
+                AttributeValue::Text(text) => PictureAttribute::Text(printable(&text.to_string())),
+                AttributeValue::F64(number) => PictureAttribute::Number(*number),
+                AttributeValue::F32(number) => PictureAttribute::Number(f64::from(*number)),
+                AttributeValue::I32(number) => PictureAttribute::Number(f64::from(*number)),
                 _ => continue,
             };
             found.push((name, value));
@@ -156,15 +162,15 @@ fn printable(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use oocpt_core::convergence::Estimate;
+    use oocpt_core::convergence::ErrorEstimate;
 
-    fn find<'a>(all: &'a Attributes, name: &str) -> Option<&'a Value> {
+    fn find<'a>(all: &'a PictureAttributes, name: &str) -> Option<&'a PictureAttribute> {
         all.iter().find(|(have, _)| have == name).map(|(_, value)| value)
     }
 
     #[test]
     fn exr_attributes_are_added_without_changing_pixels() {
-        let estimate = Some(Estimate { rel_mse: 1e-3, low: 5e-4, high: 2e-3 });
+        let estimate = Some(ErrorEstimate { rel_mse: 1e-3, low: 5e-4, high: 2e-3 });
         let row = ErrorRow {
             samples: 16,
             seconds: 1.5,
@@ -173,19 +179,20 @@ mod tests {
             estimate,
             ..ErrorRow::default()
         };
-        let stats = Stats { error: Some(row), ..Stats::default() };
+        let stats = RenderStats { error: Some(row), ..RenderStats::default() };
         let path = std::env::temp_dir().join(format!("oocpt-picture-{}.exr", std::process::id()));
         let pixels: Vec<f32> = (0_u8..24).map(|k| f32::from(k) / 7.0).collect();
         write(&path, [2, 3], &pixels, &attributes(&stats, "a\u{7}device", "a driver", u32::MAX, 5)).expect("a file");
         let read = read_attributes(&path).expect("the file that was written");
         for (name, number) in [("samples", 16.0), ("seconds", 1.5), ("secondsTracing", 1.25), ("errorHigh", 2e-3)] {
-            assert_eq!(find(&read, name), Some(&Value::Number(number)), "{name}");
+            assert_eq!(find(&read, name), Some(&PictureAttribute::Number(number)), "{name}");
         }
-        assert_eq!(find(&read, "rays"), Some(&Value::Number(1_099_511_627_776.0)), "counts beyond 32 bits");
-        assert_eq!(find(&read, "seed"), Some(&Value::Number(4_294_967_295.0)), "any seed");
-        assert_eq!(find(&read, "device"), Some(&Value::Text("adevice".into())), "no control characters");
+        assert_eq!(find(&read, "rays"), Some(&PictureAttribute::Number(1_099_511_627_776.0)), "counts beyond 32 bits");
+        assert_eq!(find(&read, "seed"), Some(&PictureAttribute::Number(4_294_967_295.0)), "any seed");
+        assert_eq!(find(&read, "device"), Some(&PictureAttribute::Text("adevice".into())), "no control characters");
         assert_eq!(find(&read, "errorFlip"), None, "no reference, no truth");
-        let reference = crate::reference::Reference::read(&path, [2, 3]).expect("three channels of it are a reference");
+        let reference =
+            crate::reference::ReferencePicture::read(&path, [2, 3]).expect("three channels of it are a reference");
         drop(reference);
         let image = exr::prelude::read_first_rgba_layer_from_file(
             &path,
@@ -203,8 +210,8 @@ mod tests {
     #[test]
     fn invalid_pictures_are_errors() {
         let path = std::env::temp_dir().join(format!("oocpt-no-picture-{}.exr", std::process::id()));
-        assert!(write(&path, [2, 2], &[0.0; 15], &Attributes::new()).is_err(), "a float short");
-        assert!(write(&path, [0, 0], &[], &Attributes::new()).is_err(), "nothing");
+        assert!(write(&path, [2, 2], &[0.0; 15], &PictureAttributes::new()).is_err(), "a float short");
+        assert!(write(&path, [0, 0], &[], &PictureAttributes::new()).is_err(), "nothing");
         std::fs::write(&path, "no picture").expect("a temporary file");
         assert!(read_attributes(&path).is_err(), "no EXR file");
         std::fs::remove_file(path).expect("it is there");

@@ -1,29 +1,29 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Keeps the session's stats, timings and published images up to date while a frame renders.
 
-use crate::adaptive::Adaptive;
+use crate::adaptive::AdaptiveBuffers;
 use crate::assets::SceneAssets;
 use crate::closing_words;
 use crate::device::Device;
 use crate::error::RenderError;
-use crate::error_log::{ErrorLog, Moment};
+use crate::error_log::{ErrorLog, RowMoment};
 use crate::film::Film;
+use crate::frame_context::is_cpu;
 use crate::host_memory;
-use crate::job::Job;
-use crate::measure::{self, Measured};
-use crate::patience::Patience;
+use crate::job::RenderJob;
+use crate::measure::{self, MeasuredError};
+use crate::patience::LoadWait;
 use crate::progress_bar::ProgressBar;
 use crate::publish::Extent;
 use crate::request::Severity;
-use crate::setting::is_cpu;
-use crate::shared::Shared;
+use crate::shared::SharedState;
 use crate::sync::lock;
-use crate::timings::Timings;
+use crate::timings::RenderTimings;
 use crate::wave::{LAST_SLOT, Wave, next_boundary};
-use oocpt_abi::Counters;
+use oocpt_abi::WavefrontCounters;
 use oocpt_core::adaptive::AdaptiveUsage;
-use oocpt_core::inventory::Inventory;
-use oocpt_core::stats::{Stats, StreamingStats, Usage};
+use oocpt_core::inventory::RenderInventory;
+use oocpt_core::stats::{RenderStats, RenderUsage, StreamingStats};
 use oocpt_gpu::Gpu;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
@@ -35,8 +35,8 @@ const PUBLISHING_SHARE: u32 = 8;
 
 /// The progress of one frame.
 #[derive(Debug)]
-pub(crate) struct Progress<'a> {
-    shared: &'a Shared,
+pub(crate) struct FrameProgress<'a> {
+    shared: &'a SharedState,
     started: Instant,
     trace_started: Instant,
     pixels: u64,
@@ -58,20 +58,20 @@ pub(crate) struct Progress<'a> {
     is_finished: bool,
     /// Adaptive: paths that are decided.
     decided: Option<u64>,
-    /// What was counted before another feed went on.
-    before: Option<Counters>,
-    /// `Counters::nonfinite_pixel`.
+    /// What was counted before another path source went on.
+    before: Option<WavefrontCounters>,
+    /// `WavefrontCounters::nonfinite_pixel`.
     nonfinite_pixel: u32,
-    pub(crate) timings: Timings,
+    pub(crate) timings: RenderTimings,
 }
 
-impl<'a> Progress<'a> {
+impl<'a> FrameProgress<'a> {
     /// Starts the clock and resets the session's stats.
-    pub(crate) fn start(shared: &'a Shared, job: &Job) -> Self {
+    pub(crate) fn start(shared: &'a SharedState, job: &RenderJob) -> Self {
         let now = Instant::now();
         let counts = &job.snapshot.counts;
         let small = |count: u128| u64::try_from(count).unwrap_or(u64::MAX);
-        *lock(&shared.stats) = Stats {
+        *lock(&shared.stats) = RenderStats {
             samples_target: job.settings.samples_per_pixel,
             dropped: job.snapshot.dropped,
             instances: small(counts.instances),
@@ -82,7 +82,7 @@ impl<'a> Progress<'a> {
             host_bytes: job.snapshot.meshes.iter().map(|mesh| mesh.host_bytes()).sum(),
             host_peak_bytes: host_memory::peak(),
             annotation: "opening the device".into(),
-            ..Stats::default()
+            ..RenderStats::default()
         };
         let limit = job.settings.time_limit_secs;
         Self {
@@ -105,12 +105,12 @@ impl<'a> Progress<'a> {
             log: ErrorLog::start(shared, job),
             size: [job.request.width, job.request.height],
             bar: job.options.progress_bar.then(ProgressBar::new),
-            timings: Timings::default(),
+            timings: RenderTimings::default(),
         }
     }
 
     /// The device is open: a report names it.
-    pub(crate) fn device_opened(&mut self, job: &Job) {
+    pub(crate) fn device_opened(&mut self, job: &RenderJob) {
         self.log.open_report(self.shared, job);
     }
 
@@ -157,10 +157,10 @@ impl<'a> Progress<'a> {
         }
     }
 
-    /// Goes on with a wait for `count` of `what`, as [`Shared::wait_for_loads`].
+    /// Goes on with a wait for `count` of `what`, as [`SharedState::wait_for_loads`].
     pub(crate) fn wait_for_loads(
         &self,
-        patience: &mut Patience,
+        patience: &mut LoadWait,
         (what, count): (&str, usize),
         lives: bool,
     ) -> Result<(), RenderError> {
@@ -174,7 +174,7 @@ impl<'a> Progress<'a> {
     }
 
     /// Says in the stats and the report what this render was specialised to do without, and what it is made of.
-    pub(crate) fn made_of(&mut self, left_out: Vec<String>, inventory: Inventory) {
+    pub(crate) fn made_of(&mut self, left_out: Vec<String>, inventory: RenderInventory) {
         self.log.inventory(self.shared, &inventory);
         let mut stats = lock(&self.shared.stats);
         stats.features_left_out = left_out;
@@ -186,8 +186,8 @@ impl<'a> Progress<'a> {
         self.trace_started = Instant::now();
     }
 
-    /// Another feed goes on; so much was counted until now.
-    pub(crate) fn left_off(&mut self, counters: &Counters) {
+    /// Another path source goes on; so much was counted until now.
+    pub(crate) fn left_off(&mut self, counters: &WavefrontCounters) {
         self.before = Some(*counters);
     }
 
@@ -280,7 +280,7 @@ impl<'a> Progress<'a> {
     pub(crate) fn publish(&mut self, film: &Film, extent: Extent) -> Result<(), RenderError> {
         let began = Instant::now();
         let extent = self.shown_extent(extent).unwrap_or(extent);
-        let Counters { closest_rays, shadow_rays, nonfinite, nonfinite_pixel, stack_overflows, .. } =
+        let WavefrontCounters { closest_rays, shadow_rays, nonfinite, nonfinite_pixel, stack_overflows, .. } =
             film.publish(&self.shared.published, self.generation, extent)?;
         self.next_publish = self.next_publish.max(Instant::now() + PUBLISHING_SHARE * began.elapsed());
         self.nonfinite_pixel = self.nonfinite_pixel.max(nonfinite_pixel);
@@ -318,8 +318,8 @@ impl<'a> Progress<'a> {
     /// Learns which samples are decided, if they do not go everywhere alike; gives the paths that no wave may go
     /// across.
     pub(crate) fn begin_samples(&mut self, film: &Film) -> Vec<u64> {
-        self.decided = film.adaptive().map(Adaptive::end);
-        film.adaptive().map_or_else(Vec::new, Adaptive::cuts)
+        self.decided = film.adaptive().map(AdaptiveBuffers::end);
+        film.adaptive().map_or_else(Vec::new, AdaptiveBuffers::cuts)
     }
 
     /// Relative variance that a path leaves in its pixel, by the picture's error as last estimated.
@@ -360,15 +360,15 @@ impl<'a> Progress<'a> {
         // Streaming knows when the device had something to do.
         let counts = !(streaming.in_core || streaming.is_split);
         let tracing = if counts { streaming.seconds_tracing } else { self.trace_started.elapsed().as_secs_f64() };
-        let moment = Moment {
+        let moment = RowMoment {
             seconds: self.started.elapsed().as_secs_f64(),
             seconds_tracing: tracing,
             bytes_paged: streaming.bytes_paged,
             // Streaming counts what is handed to the device; an epoch is all there is then.
             samples: if self.decided.is_some() { self.samples_done() } else { measured.fewest },
         };
-        if let Some(spent) = film.adaptive().and_then(Adaptive::spent) {
-            let Measured { fewest, most, .. } = measured;
+        if let Some(spent) = film.adaptive().and_then(AdaptiveBuffers::spent) {
+            let MeasuredError { fewest, most, .. } = measured;
             lock(&self.shared.stats).adaptive = Some(AdaptiveUsage { fewest, most, ..spent });
         }
         let began = Instant::now();
@@ -419,7 +419,7 @@ impl<'a> Progress<'a> {
         let mut stats = lock(&self.shared.stats);
         (stats.gpu_bytes, stats.gpu_peak_bytes, stats.gpu_budget_bytes) = (memory.used, memory.peak, memory.budget);
         stats.host_peak_bytes = host_memory::peak();
-        let usage = Usage::of(&stats);
+        let usage = self.timings.add_to(RenderUsage::of(&stats));
         let nonfinite = stats.nonfinite_samples;
         if self.is_finished && self.says_how_it_ended {
             self.shared.report(Severity::Status, closing_words::line(&stats));
@@ -437,7 +437,7 @@ impl<'a> Progress<'a> {
     }
 }
 
-/// What is said of samples that are not finite; `pixel` is `Counters::nonfinite_pixel`.
+/// What is said of samples that are not finite; `pixel` is `WavefrontCounters::nonfinite_pixel`.
 fn nonfinite_text(count: u64, pixel: u32, width: u32) -> String {
     let samples = if count == 1 { "1 sample is".to_owned() } else { format!("{count} samples are") };
     let place = (pixel != 0 && width != 0).then(|| (!pixel % width, !pixel / width));

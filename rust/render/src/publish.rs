@@ -41,8 +41,8 @@ impl Extent {
 
 /// The latest images of a session.
 #[derive(Debug, Default)]
-pub(crate) struct Published {
-    images: Vec<Image>,
+pub(crate) struct PublishedImages {
+    images: Vec<PublishedImage>,
     /// Of the job that they are of.
     generation: u64,
     /// Of the image that came last; they are counted from 1.
@@ -50,13 +50,13 @@ pub(crate) struct Published {
 }
 
 #[derive(Debug)]
-struct Image {
+struct PublishedImage {
     kind: AovKind,
     version: u64,
     bytes: Vec<u8>,
 }
 
-impl Published {
+impl PublishedImages {
     /// Begins to replace the images by those of `generation`, of which `extent` is there: `kinds`, each of `pixels`.
     /// False, and nothing changes, if that would show no whole picture, or an older one.
     pub(crate) fn begin(&mut self, generation: u64, kinds: &[AovKind], pixels: u64, extent: Extent) -> bool {
@@ -95,7 +95,7 @@ impl Published {
     pub(crate) fn change(&mut self, kind: AovKind, bytes: usize, change: impl FnOnce(&mut [u8])) {
         self.version += 1;
         let at = self.images.iter().position(|have| have.kind == kind).unwrap_or_else(|| {
-            self.images.push(Image { kind, version: 0, bytes: Vec::new() });
+            self.images.push(PublishedImage { kind, version: 0, bytes: Vec::new() });
             self.images.len() - 1
         });
         if let Some(image) = self.images.get_mut(at) {
@@ -135,7 +135,7 @@ mod tests {
     use super::*;
 
     /// Images of so many pixels, each byte `value`.
-    fn put(published: &mut Published, generation: u64, pixels: usize, value: u8, extent: Extent) -> bool {
+    fn put(published: &mut PublishedImages, generation: u64, pixels: usize, value: u8, extent: Extent) -> bool {
         let kinds = [AovKind::Depth, AovKind::SampleCount];
         let shown = published.begin(generation, &kinds, pixels as u64, extent);
         if shown {
@@ -146,7 +146,7 @@ mod tests {
 
     #[test]
     fn only_images_of_the_right_size_are_copied() {
-        let mut published = Published::default();
+        let mut published = PublishedImages::default();
         assert!(put(&mut published, 1, 2, 1, Extent::WHOLE), "the first one");
         let mut out = [0_u8; 8];
         assert_ne!(published.copy(AovKind::Depth, 0, &mut out), 0, "the image is there");
@@ -158,7 +158,7 @@ mod tests {
 
     #[test]
     fn an_image_that_is_known_is_not_copied_again_and_a_new_one_is() {
-        let mut published = Published::default();
+        let mut published = PublishedImages::default();
         put(&mut published, 1, 2, 1, Extent::WHOLE);
         let mut out = [0_u8; 8];
         let known = published.copy(AovKind::Depth, 0, &mut out);
@@ -179,9 +179,9 @@ mod tests {
 
     #[test]
     fn a_picture_that_is_not_whole_is_shown_over_a_whole_one_of_its_generation_alone() {
-        let mut published = Published::default();
+        let mut published = PublishedImages::default();
         let part = Extent { planes: 2, samples: 1 };
-        let images = |published: &Published| {
+        let images = |published: &PublishedImages| {
             [AovKind::Depth, AovKind::SampleCount].map(|kind| published.image(kind).map(<[u8]>::to_vec))
         };
         assert!(!put(&mut published, 1, 2, 1, part), "nothing to show it over");

@@ -6,26 +6,26 @@ use std::sync::{Condvar, Mutex, PoisonError};
 
 /// See the module.
 #[derive(Debug)]
-pub(crate) struct Reading {
-    state: Mutex<State>,
+pub(crate) struct ReadingLimit {
+    state: Mutex<ReadingState>,
     /// Something ended, or the limit is another one.
     changed: Condvar,
 }
 
 #[derive(Debug)]
-struct State {
+struct ReadingState {
     /// Most bytes, unless one mesh alone has more.
     limit: u64,
     bytes: u64,
 }
 
-impl Default for Reading {
+impl Default for ReadingLimit {
     fn default() -> Self {
-        Self { state: Mutex::new(State { limit: u64::MAX, bytes: 0 }), changed: Condvar::new() }
+        Self { state: Mutex::new(ReadingState { limit: u64::MAX, bytes: 0 }), changed: Condvar::new() }
     }
 }
 
-impl Reading {
+impl ReadingLimit {
     /// Sets the most bytes. What is under way goes on.
     pub(crate) fn set_limit(&self, bytes: u64) {
         lock(&self.state).limit = bytes;
@@ -34,7 +34,7 @@ impl Reading {
 
     /// Waits until there is room for `bytes` or nothing else is under way. Who has to wait calls `before` first, to let
     /// go of what others may wait for.
-    pub(crate) fn begin<E>(&self, bytes: u64, before: impl FnOnce() -> Result<(), E>) -> Result<Under<'_>, E> {
+    pub(crate) fn begin<E>(&self, bytes: u64, before: impl FnOnce() -> Result<(), E>) -> Result<ReadingPermit<'_>, E> {
         let mut state = lock(&self.state);
         if !state.has_room(bytes) {
             drop(state);
@@ -45,11 +45,11 @@ impl Reading {
             state = self.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
         }
         state.bytes = state.bytes.saturating_add(bytes);
-        Ok(Under { reading: self, bytes })
+        Ok(ReadingPermit { reading: self, bytes })
     }
 }
 
-impl State {
+impl ReadingState {
     fn has_room(&self, bytes: u64) -> bool {
         self.bytes == 0 || self.bytes.checked_add(bytes).is_some_and(|all| all <= self.limit)
     }
@@ -57,12 +57,12 @@ impl State {
 
 /// A mesh that is in host memory until this is dropped.
 #[derive(Debug)]
-pub(crate) struct Under<'a> {
-    reading: &'a Reading,
+pub(crate) struct ReadingPermit<'a> {
+    reading: &'a ReadingLimit,
     bytes: u64,
 }
 
-impl Drop for Under<'_> {
+impl Drop for ReadingPermit<'_> {
     fn drop(&mut self) {
         let mut state = lock(&self.reading.state);
         state.bytes = state.bytes.saturating_sub(self.bytes);
@@ -83,7 +83,7 @@ mod tests {
 
     #[test]
     fn meshes_wait_for_room_and_one_alone_always_has_some() {
-        let reading = Reading::default();
+        let reading = ReadingLimit::default();
         reading.set_limit(100);
         let (now, most, waited) = (AtomicU64::new(0), AtomicU64::new(0), AtomicU64::new(0));
         std::thread::scope(|scope| {
@@ -115,7 +115,7 @@ mod tests {
 
     #[test]
     fn who_cannot_let_go_does_not_wait() {
-        let reading = Reading::default();
+        let reading = ReadingLimit::default();
         reading.set_limit(1);
         let Ok(_first) = reading.begin(1, go_on);
         assert_eq!(reading.begin(1, || Err("lost")).map(drop), Err("lost"));

@@ -5,7 +5,7 @@
 //! 8 bits, at 67 pixels per degree. The file comes from the user: its size is checked before its pixels are read.
 
 use crate::aov::AovKind;
-use crate::publish::Published;
+use crate::publish::PublishedImages;
 use exr::prelude::{ReadChannels as _, ReadLayers as _, Vec2, read};
 use oocpt_core::stats::TrueError;
 use std::io::BufReader;
@@ -16,7 +16,7 @@ const EPSILON: f64 = 1e-2;
 
 /// A reference picture: bottom row first, as images of a render are.
 #[derive(Debug)]
-pub(crate) struct Reference {
+pub(crate) struct ReferencePicture {
     width: u32,
     height: u32,
     pixels: Vec<[f32; 3]>,
@@ -38,7 +38,7 @@ pub(crate) enum ReferenceError {
     NotFinite,
 }
 
-impl Reference {
+impl ReferencePicture {
     /// Reads the first layer's R, G and B.
     pub(crate) fn read(path: &Path, [width, height]: [u32; 2]) -> Result<Self, ReferenceError> {
         let said = |error: exr::error::Error| ReferenceError::Read(format!("{}: {error}", path.display()));
@@ -76,7 +76,7 @@ impl Reference {
     }
 
     /// Compares with the colour that is published; none when there is none of this size.
-    pub(crate) fn compare(&self, published: &Published) -> Option<TrueError> {
+    pub(crate) fn compare(&self, published: &PublishedImages) -> Option<TrueError> {
         let mut bytes = vec![0_u8; self.pixels.len() * AovKind::Color.pixel_bytes()];
         if published.copy(AovKind::Color, 0, &mut bytes) == 0 {
             return None;

@@ -21,7 +21,7 @@ pub(crate) fn first_wave(kind: DeviceKind) -> u32 {
 
 /// Hands out waves until all paths are given out.
 #[derive(Clone, Debug)]
-pub(crate) struct Schedule {
+pub(crate) struct WaveSchedule {
     total: u64,
     next: u64,
     size: u32,
@@ -34,7 +34,7 @@ pub(crate) struct Schedule {
     cuts: Vec<u64>,
 }
 
-impl Schedule {
+impl WaveSchedule {
     /// `total` paths in waves of `start` at first, never more than `max`, aiming at `target_secs` a wave.
     pub(crate) fn new(total: u64, start: u32, max: u32, target_secs: f64) -> Self {
         let min = 4096.min(max);
@@ -94,7 +94,7 @@ mod tests {
 
     #[test]
     fn waves_cover_every_path_once_in_order() {
-        let mut schedule = Schedule::new(100_001, 8192, 1 << 16, 0.05);
+        let mut schedule = WaveSchedule::new(100_001, 8192, 1 << 16, 0.05);
         let mut expected = 0;
         let mut odd = false;
         while let Some(wave) = schedule.next(u64::MAX) {
@@ -108,7 +108,7 @@ mod tests {
 
     #[test]
     fn waves_end_at_octaves_and_open_limits() {
-        let mut schedule = Schedule::new(100_000, 8192, 1 << 16, 0.05).with_octaves(5000);
+        let mut schedule = WaveSchedule::new(100_000, 8192, 1 << 16, 0.05).with_octaves(5000);
         let mut ends = Vec::new();
         while let Some(wave) = schedule.next(60_000) {
             ends.push(wave.first + u64::from(wave.count));
@@ -120,7 +120,7 @@ mod tests {
     /// Seconds of the longest of many waves on a device of so many paths a second, a quarter of that from the 30th wave
     /// on.
     fn longest(kind: DeviceKind, rate: f64) -> f64 {
-        let mut schedule = Schedule::new(u64::MAX, first_wave(kind), 1 << 22, 0.2);
+        let mut schedule = WaveSchedule::new(u64::MAX, first_wave(kind), 1 << 22, 0.2);
         let mut longest = 0.0_f64;
         for wave in 0..60 {
             let rate = if wave < 30 { rate } else { rate / 4.0 };
@@ -145,7 +145,7 @@ mod tests {
 
     #[test]
     fn wave_sizes_adapt_to_measured_time_within_bounds() {
-        let mut schedule = Schedule::new(u64::MAX, 8192, 1 << 16, 0.05);
+        let mut schedule = WaveSchedule::new(u64::MAX, 8192, 1 << 16, 0.05);
         for _ in 0..20 {
             let wave = schedule.next(u64::MAX).expect("endless");
             schedule.measured(wave.count, 1e-4);

@@ -17,24 +17,24 @@
 use crate::aov::AovKind;
 use crate::error::RenderError;
 use crate::geometry_files::{GeometryFiles, GeometrySetting};
-use crate::host_memory::{self, Part, Taken};
-use crate::job::{Job, SessionOptions};
+use crate::host_memory::{self, HostMemoryTaken, HostMemoryUser};
+use crate::job::{RenderJob, SessionOptions};
 use crate::light_files::{LightFiles, NoFiles};
 use crate::loader::Loader;
 use crate::material_report::MaterialReport;
 use crate::picture;
 use crate::request::{Message, RenderRequest, Severity};
-use crate::shared::Shared;
+use crate::shared::SharedState;
 use crate::sync::lock;
 use crate::textures::{HeightTextures, ImageLibrary};
 use crate::thread;
-use crate::timings::Timings;
+use crate::timings::RenderTimings;
 use oocpt_core::inventory::PrimvarUse;
 use oocpt_core::mesh::MeshFiles;
 use oocpt_core::partition::PartitionOptions;
-use oocpt_core::scene::{DicingCamera, Lent, SceneDb, Snapshot, summary};
-use oocpt_core::settings::{SettingError, Settings, Value};
-use oocpt_core::stats::Stats;
+use oocpt_core::scene::{DicingCamera, LentBytes, SceneDb, Snapshot, summary};
+use oocpt_core::settings::{SettingError, SettingValue, Settings};
+use oocpt_core::stats::RenderStats;
 use oocpt_core::texture::HeightFiles;
 use oocpt_gpu::DeviceReport;
 use std::path::Path;
@@ -45,7 +45,7 @@ use std::time::{Duration, Instant};
 /// One scene, one camera, one render thread.
 #[derive(Debug)]
 pub struct Session {
-    pub(crate) shared: Arc<Shared>,
+    pub(crate) shared: Arc<SharedState>,
     scene: Mutex<SceneDb>,
     settings: Mutex<Settings>,
     options: Mutex<SessionOptions>,
@@ -110,7 +110,7 @@ impl Session {
 
     /// Changes one setting by its Hydra key; takes effect with the next [`Session::render`]. Returns whether it
     /// changed.
-    pub fn set_setting(&self, key: &str, value: Value) -> Result<bool, SettingError> {
+    pub fn set_setting(&self, key: &str, value: SettingValue) -> Result<bool, SettingError> {
         lock(&self.settings).set(key, value)
     }
 
@@ -165,7 +165,7 @@ impl Session {
         let snapshot = commit.snapshot;
         control.generation += 1;
         let generation = control.generation;
-        control.job = Some(Arc::new(Job {
+        control.job = Some(Arc::new(RenderJob {
             snapshot,
             request,
             settings,
@@ -184,7 +184,7 @@ impl Session {
     }
 
     /// Has meshes built and kept as the settings say. With a budget of host memory gives what the scene's arrays take.
-    fn keep_meshes(&self, scene: &mut SceneDb) -> Lent {
+    fn keep_meshes(&self, scene: &mut SceneDb) -> LentBytes {
         let settings = lock(&self.settings);
         let budget = host_memory::budget(&settings);
         let lent = budget.map(|_| scene.lent()).unwrap_or_default();
@@ -196,7 +196,7 @@ impl Session {
         scene.set_partition_memory(commit.sorting);
         let memory = scene.mesh_memory();
         memory.set_room(commit.building);
-        memory.set_limit(host_memory::limit_of(Part::Meshes, &settings, memory.held(), fixed));
+        memory.set_limit(host_memory::limit_of(HostMemoryUser::Meshes, &settings, memory.held(), fixed));
         let setting = GeometrySetting::of(&settings);
         let mut files = lock(&self.geometry_files);
         if files.as_ref().map(|files| files.setting()) != setting.as_ref() {
@@ -208,12 +208,12 @@ impl Session {
 
     /// With a budget of host memory: the bytes that can be put nowhere else; tells where they are more than there is,
     /// or where meshes have no other place.
-    fn watch_host_memory(&self, scene: &SceneDb, lent: &Lent, snapshot: &Snapshot) -> u64 {
+    fn watch_host_memory(&self, scene: &SceneDb, lent: &LentBytes, snapshot: &Snapshot) -> u64 {
         let settings = lock(&self.settings);
         let Some(budget) = host_memory::budget(&settings) else { return 0 };
         let tables = snapshot.world.host_bytes();
         let memory = scene.mesh_memory();
-        let taken = Taken {
+        let taken = HostMemoryTaken {
             lent,
             tables,
             staging: Loader::staging_bytes(),
@@ -319,7 +319,7 @@ impl Session {
         control.generation += 1;
         let generation = control.generation;
         if let Some(job) = control.job.take() {
-            control.job = Some(Arc::new(Job { options, generation, ..(*job).clone() }));
+            control.job = Some(Arc::new(RenderJob { options, generation, ..(*job).clone() }));
         }
         control.stopped = false;
         control.paused = false;
@@ -360,25 +360,25 @@ impl Session {
     }
 
     /// Counters of the current or last render.
-    pub fn stats(&self) -> Stats {
+    pub fn stats(&self) -> RenderStats {
         lock(&self.shared.stats).clone()
     }
 
     /// How the picture of the current or last render was made, for its file.
-    pub fn picture_attributes(&self) -> picture::Attributes {
+    pub fn picture_attributes(&self) -> picture::PictureAttributes {
         let settings = self.settings();
         let device = self.device_report().map(|device| (device.name, device.driver)).unwrap_or_default();
         picture::attributes(&self.stats(), &device.0, &device.1, settings.seed, settings.max_bounces)
     }
 
     /// Where the time of the last finished render went.
-    pub fn timings(&self) -> Timings {
+    pub fn timings(&self) -> RenderTimings {
         lock(&self.shared.timings).clone()
     }
 
     /// What became of planted failures, and what the driver gave, by the end of the last render.
     #[cfg(feature = "faults")]
-    pub fn witness(&self) -> crate::faults::Witness {
+    pub fn witness(&self) -> crate::faults::FaultWitness {
         *lock(&self.shared.witness)
     }
 

@@ -3,13 +3,13 @@
 //! frame asks whether it may go on.
 
 use crate::error::RenderError;
-use crate::job::Job;
-use crate::patience::{self, Patience, Verdict};
-use crate::publish::Published;
+use crate::job::RenderJob;
+use crate::patience::{self, LoadWait, WaitVerdict};
+use crate::publish::PublishedImages;
 use crate::request::{Message, Severity};
 use crate::sync::lock;
-use crate::timings::Timings;
-use oocpt_core::stats::Stats;
+use crate::timings::RenderTimings;
+use oocpt_core::stats::RenderStats;
 use oocpt_gpu::DeviceReport;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -17,8 +17,8 @@ use std::time::{Duration, Instant};
 
 /// What the host wants of the render thread.
 #[derive(Debug, Default)]
-pub(crate) struct Control {
-    pub(crate) job: Option<Arc<Job>>,
+pub(crate) struct RenderControl {
+    pub(crate) job: Option<Arc<RenderJob>>,
     /// Grows with every posted or restarted job.
     pub(crate) generation: u64,
     /// Generation that the thread has finished with (rendered, failed or given up).
@@ -30,7 +30,7 @@ pub(crate) struct Control {
     pub(crate) quit: bool,
 }
 
-impl Control {
+impl RenderControl {
     pub(crate) fn is_rendering(&self) -> bool {
         self.job.is_some() && self.finished != self.generation && !self.stopped
     }
@@ -38,12 +38,12 @@ impl Control {
 
 /// State shared between the host's threads and the render thread.
 #[derive(Debug, Default)]
-pub(crate) struct Shared {
-    control: Mutex<Control>,
+pub(crate) struct SharedState {
+    control: Mutex<RenderControl>,
     changed: Condvar,
-    pub(crate) published: Mutex<Published>,
-    pub(crate) stats: Mutex<Stats>,
-    pub(crate) timings: Mutex<Timings>,
+    pub(crate) published: Mutex<PublishedImages>,
+    pub(crate) stats: Mutex<RenderStats>,
+    pub(crate) timings: Mutex<RenderTimings>,
     pub(crate) device: Mutex<Option<DeviceReport>>,
     /// A generation, and samples of each of its pixels that are done.
     pub(crate) reached: Mutex<(u64, u32)>,
@@ -53,19 +53,23 @@ pub(crate) struct Shared {
     /// The last render had samples that are not finite, which was told.
     pub(crate) nonfinite_told: AtomicBool,
     #[cfg(feature = "faults")]
-    pub(crate) witness: Mutex<crate::faults::Witness>,
+    pub(crate) witness: Mutex<crate::faults::FaultWitness>,
 }
 
-impl Shared {
-    pub(crate) fn control(&self) -> MutexGuard<'_, Control> {
+impl SharedState {
+    pub(crate) fn control(&self) -> MutexGuard<'_, RenderControl> {
         lock(&self.control)
     }
 
-    pub(crate) fn wait<'a>(&self, guard: MutexGuard<'a, Control>) -> MutexGuard<'a, Control> {
+    pub(crate) fn wait<'a>(&self, guard: MutexGuard<'a, RenderControl>) -> MutexGuard<'a, RenderControl> {
         self.changed.wait(guard).unwrap_or_else(PoisonError::into_inner)
     }
 
-    pub(crate) fn wait_at_most<'a>(&self, guard: MutexGuard<'a, Control>, time: Duration) -> MutexGuard<'a, Control> {
+    pub(crate) fn wait_at_most<'a>(
+        &self,
+        guard: MutexGuard<'a, RenderControl>,
+        time: Duration,
+    ) -> MutexGuard<'a, RenderControl> {
         self.changed.wait_timeout(guard, time).unwrap_or_else(PoisonError::into_inner).0
     }
 
@@ -84,15 +88,15 @@ impl Shared {
     /// Goes on with a wait for `count` of `what`, as long as the threads that load live; tells about it.
     pub(crate) fn wait_for_loads(
         &self,
-        patience: &mut Patience,
+        patience: &mut LoadWait,
         what: &str,
         count: usize,
         lives: bool,
     ) -> Result<(), RenderError> {
         match patience.check(Instant::now(), lives) {
-            Verdict::Wait => {}
-            Verdict::Tell(waited) => self.report(Severity::Warning, patience::told(what, count, waited)),
-            Verdict::Over => return Err(RenderError::Internal("the threads that load have ended".into())),
+            WaitVerdict::Wait => {}
+            WaitVerdict::Tell(waited) => self.report(Severity::Warning, patience::told(what, count, waited)),
+            WaitVerdict::Over => return Err(RenderError::Internal("the threads that load have ended".into())),
         }
         Ok(())
     }
@@ -105,16 +109,16 @@ impl Shared {
 
 /// What the frame asks between waves: may it go on?
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Gate<'a> {
-    shared: &'a Shared,
+pub(crate) struct FrameGate<'a> {
+    shared: &'a SharedState,
     generation: u64,
     /// Until then a newer job does not close it, as long as no picture of this one is shown.
     until: Option<Instant>,
 }
 
-impl<'a> Gate<'a> {
+impl<'a> FrameGate<'a> {
     /// The gate of the job of `generation`.
-    pub(crate) fn new(shared: &'a Shared, generation: u64) -> Self {
+    pub(crate) fn new(shared: &'a SharedState, generation: u64) -> Self {
         Self { shared, generation, until: None }
     }
 
@@ -150,8 +154,8 @@ impl<'a> Gate<'a> {
     }
 
     /// A wait for loads that begins now.
-    pub(crate) fn patience(&self) -> Patience {
-        let patience = Patience::new(Instant::now());
+    pub(crate) fn patience(&self) -> LoadWait {
+        let patience = LoadWait::new(Instant::now());
         #[cfg(feature = "faults")]
         if let Some(job) = &self.shared.control().job
             && job.options.faults.impatient_millis > 0
@@ -163,7 +167,7 @@ impl<'a> Gate<'a> {
     }
 
     /// Where results go.
-    pub(crate) fn shared(&self) -> &Shared {
+    pub(crate) fn shared(&self) -> &SharedState {
         self.shared
     }
 }

@@ -2,13 +2,13 @@
 //! What this scene and camera need of the passes, and what is left out for them.
 //!
 //! Pure. The answer becomes specialisation constants: pipelines are compiled without the absent parts, and the host
-//! does not make their buffers. To measure what that saves, `oocpt:carry` compiles parts in that the scene does not
-//! need ([`ForcedFeatures`]): the same picture, bit for bit.
+//! does not make their buffers. To measure what that saves, benches and tests compile parts in that the scene does not
+//! need ([`crate::ForcedFeatures`]): the same picture, bit for bit.
 
 use crate::assets::SceneView;
-use crate::device::Specialisation;
+use crate::device::PassSpecialisation;
 use crate::lights::LightTable;
-use oocpt_abi::{CarryRule, FEATURES, Feature, Features};
+use oocpt_abi::{FEATURES, FeatureRow, Features};
 use oocpt_core::camera::CameraRays;
 use oocpt_core::inventory::FeatureUse;
 use oocpt_core::mesh::LeafKind;
@@ -47,8 +47,8 @@ pub(crate) fn has_cutouts(snapshot: &Snapshot) -> bool {
 }
 
 /// The specialisation of the passes for these features.
-pub(crate) fn specialisation(features: Features, scene: &SceneView) -> Specialisation {
-    Specialisation {
+pub(crate) fn specialisation(features: Features, scene: &SceneView) -> PassSpecialisation {
+    PassSpecialisation {
         max_levels: scene.max_levels,
         stack_size: scene.stack_size,
         features,
@@ -57,65 +57,9 @@ pub(crate) fn specialisation(features: Features, scene: &SceneView) -> Specialis
     }
 }
 
-/// Features compiled in by `oocpt:carry` although the scene does not use them, as far as the picture stays the same.
-/// Materials are shaded another way, so they are never carried. In core only, but for parts that need no memory.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct ForcedFeatures {
-    pub(crate) features: Features,
-    /// Passes and memory for the deepest nesting.
-    pub(crate) levels: bool,
-}
-
-impl ForcedFeatures {
-    const NOTHING: Self = Self { features: Features::empty(), levels: false };
-
-    /// What a setting names: features as the shaders call them, `LEVELS`, or `all`, separated by commas. Also
-    /// returns the unknown names.
-    pub(crate) fn parse(text: &str) -> (Self, Vec<String>) {
-        let mut carry = Self::NOTHING;
-        let mut unknown = Vec::new();
-        for name in text.split([',', ' ']).map(str::trim).filter(|name| !name.is_empty()) {
-            match (name.to_ascii_uppercase().as_str(), Features::from_name(&name.to_ascii_uppercase())) {
-                ("ALL", _) => carry = Self { features: Features::all(), levels: true },
-                ("FEATURES", _) => carry.features = Features::all(),
-                ("LEVELS", _) => carry.levels = true,
-                (_, Some(feature)) => carry.features |= feature,
-                (_, None) => unknown.push(name.chars().take(40).collect()),
-            }
-        }
-        (carry, unknown)
-    }
-
-    /// Whether anything is asked for.
-    pub(crate) fn is_empty(&self) -> bool {
-        *self == Self::NOTHING
-    }
-
-    /// Of what is asked for, what passes that need `needed` can carry; `of_lights` is what the light table allows.
-    pub(crate) fn possible(&self, needed: Features, of_lights: Features) -> Features {
-        let has_materials = needed.contains(Features::MATERIALS);
-        let in_core = !needed.contains(Features::STREAMING);
-        let may = |feature: &&Feature| match feature.carry {
-            CarryRule::Never => false,
-            CarryRule::Always => true,
-            CarryRule::Lights => of_lights.contains(feature.bit),
-            CarryRule::Materials => has_materials,
-            CarryRule::MaterialsInCore => has_materials && in_core,
-        };
-        let possible = FEATURES.iter().filter(may).fold(Features::empty(), |sum, feature| sum | feature.bit);
-        let mut carried = self.features & possible;
-        // These two are asked for together.
-        carried.set(Features::OPACITY, carried.intersects(Features::OPACITY | Features::INSTANCE_OPACITY));
-        // Without textures there is nothing that it could be compiled into.
-        carried
-            .set(Features::PTEX, carried.contains(Features::PTEX) && (carried | needed).contains(Features::TEXTURES));
-        carried - needed
-    }
-}
-
 /// Each feature, and whether it is there.
 pub(crate) fn list(features: Features, carried: Features) -> Vec<FeatureUse> {
-    let entry = |feature: &Feature| FeatureUse {
+    let entry = |feature: &FeatureRow| FeatureUse {
         name: feature.name.to_owned(),
         what: feature.what.to_owned(),
         present: features.contains(feature.bit),
@@ -154,21 +98,5 @@ mod tests {
         let list = list(Features::LENS, Features::LENS);
         let lens = list.iter().find(|entry| entry.name == "LENS").expect("by the shaders' name");
         assert!(lens.present && lens.carried && list.iter().filter(|entry| entry.present).count() == 1, "{list:?}");
-    }
-
-    #[test]
-    fn features_that_change_the_picture_are_not_carried() {
-        let (all, unknown) = ForcedFeatures::parse("all");
-        assert!(unknown.is_empty() && all.levels);
-        let never = Features::DOME_SHADOW_RAYS | Features::MATERIALS | Features::STREAMING;
-        for needed in [Features::empty(), Features::DOME, Features::MATERIALS] {
-            let carried = all.possible(needed, Features::LOCAL_LIGHTS);
-            assert!(!carried.intersects(never | needed), "{needed:?}: {carried:?}");
-        }
-        let (some, unknown) = ForcedFeatures::parse("lens, COAT levels,nonsense");
-        assert_eq!(unknown, ["nonsense"]);
-        assert!(some.levels && some.features == Features::LENS | Features::COAT, "{some:?}");
-        assert_eq!(some.possible(Features::empty(), Features::empty()), Features::LENS, "no coat without materials");
-        assert!(ForcedFeatures::parse("").0.is_empty());
     }
 }

@@ -6,16 +6,16 @@
 
 use crate::error::RenderError;
 use crate::frame::Renderer;
-use crate::job::Job;
-use crate::shared::{Gate, Shared};
+use crate::job::RenderJob;
+use crate::shared::{FrameGate, SharedState};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
 /// Runs until the session ends.
-pub(crate) fn run(shared: &Shared) {
+pub(crate) fn run(shared: &SharedState) {
     let mut renderer = Renderer::default();
     while let Some((job, generation)) = next_job(shared) {
-        let gate = Gate::new(shared, generation);
+        let gate = FrameGate::new(shared, generation);
         match catch_unwind(AssertUnwindSafe(|| renderer.render(&job, &gate))) {
             Ok(Ok(())) => {}
             Ok(Err(error)) => {
@@ -36,7 +36,7 @@ pub(crate) fn run(shared: &Shared) {
     }
 }
 
-fn next_job(shared: &Shared) -> Option<(Arc<Job>, u64)> {
+fn next_job(shared: &SharedState) -> Option<(Arc<RenderJob>, u64)> {
     let mut control = shared.control();
     loop {
         if control.quit {

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Where the time of a render went, for benches and reports.
 
+use oocpt_core::stats::RenderUsage;
+
 /// GPU time of one pass over a whole render; only measured when the session profiles.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PassTime {
@@ -27,7 +29,7 @@ pub struct LeftMoment {
 
 /// Where the time of the current or last render went.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Timings {
+pub struct RenderTimings {
     /// Making meshes, instance records and tables ready and handing them to the device, seconds.
     pub upload_secs: f64,
     /// Filling the tables that rays go through, seconds.
@@ -66,7 +68,19 @@ pub struct Timings {
     pub passes: Vec<PassTime>,
 }
 
-impl Timings {
+impl RenderTimings {
+    /// `usage` with what these timings say of it.
+    pub(crate) fn add_to(&self, usage: RenderUsage) -> RenderUsage {
+        RenderUsage {
+            seconds_uploading: self.upload_secs,
+            seconds_compiling: self.compile_secs,
+            seconds_texture_tiles: self.tile_secs,
+            waves: self.waves,
+            waves_retraced: self.retraced_waves,
+            ..usage
+        }
+    }
+
     /// Adds one measured pass.
     pub(crate) fn add_pass(&mut self, name: &str, secs: f64) {
         match self.passes.iter_mut().find(|pass| pass.name == name) {

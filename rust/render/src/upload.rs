@@ -13,11 +13,11 @@ const BYTES_A_PATH: u64 = 100;
 
 /// Counts the paths that were streamed since a scene was last uploaded.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Upload {
+pub(crate) struct UploadDecision {
     paths: u64,
 }
 
-impl Upload {
+impl UploadDecision {
     /// Whether to stream the next picture, which has `paths` paths. `missing`: bytes that are not on the device yet.
     pub(crate) fn streams(&mut self, missing: u64, paths: u64) -> bool {
         let paths = self.paths.saturating_add(paths);
@@ -36,7 +36,7 @@ mod tests {
     #[test]
     fn small_pictures_of_large_scenes_are_streamed() {
         let megapixel = 1 << 20;
-        let streams = |missing, paths| Upload::default().streams(missing, paths);
+        let streams = |missing, paths| UploadDecision::default().streams(missing, paths);
         assert!(streams(12 * GIB, 64 * megapixel), "64 samples of 12 GiB");
         assert!(!streams(12 * GIB, 1024 * megapixel), "1024 samples trace longer than the upload takes");
         assert!(!streams(GIB, megapixel), "a GiB is there at once");
@@ -45,7 +45,7 @@ mod tests {
 
     #[test]
     fn many_small_pictures_pay_for_the_upload_once() {
-        let mut upload = Upload::default();
+        let mut upload = UploadDecision::default();
         let paths = 20_000_000;
         let streamed = (0..100).take_while(|_| upload.streams(12 * GIB, paths)).count() as u64;
         assert_eq!(streamed, 12 * GIB / BYTES_A_PATH / paths, "as long as they cost less than the upload");

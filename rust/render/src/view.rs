@@ -2,9 +2,9 @@
 //! The camera of a job, ready for the passes.
 
 use crate::error::RenderError;
-use crate::job::Job;
+use crate::job::RenderJob;
 use crate::request::Severity;
-use crate::shared::Shared;
+use crate::shared::SharedState;
 use oocpt_abi::ClipPlane;
 use oocpt_core::CameraMotion;
 use oocpt_core::camera::CameraRays;
@@ -20,7 +20,7 @@ pub(crate) struct View {
 
 impl View {
     /// The rays of `job`; `shared` hears of a motion that cannot be used.
-    pub(crate) fn of(job: &Job, shared: &Shared) -> Result<Self, RenderError> {
+    pub(crate) fn of(job: &RenderJob, shared: &SharedState) -> Result<Self, RenderError> {
         let origin = job.snapshot.origin;
         let in_motion = job.request.camera.in_motion(origin).unwrap_or_else(|why| {
             shared.report(Severity::Warning, why.to_string());

@@ -19,7 +19,7 @@ pub(crate) struct Wave {
 
 /// A part of a wave.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Piece {
+pub(crate) struct WavePiece {
     /// Its paths.
     pub(crate) wave: Wave,
     /// Paths of the whole wave before it.
@@ -29,7 +29,7 @@ pub(crate) struct Piece {
 }
 
 /// Cuts a wave where the samples of all `pixels` are a power of two, and leaves out paths from `end` on.
-pub(crate) fn pieces(wave: Wave, pixels: u64, end: u64) -> Vec<Piece> {
+pub(crate) fn pieces(wave: Wave, pixels: u64, end: u64) -> Vec<WavePiece> {
     let end = end.min(wave.first + u64::from(wave.count));
     let mut pieces = Vec::new();
     let mut first = wave.first;
@@ -39,7 +39,7 @@ pub(crate) fn pieces(wave: Wave, pixels: u64, end: u64) -> Vec<Piece> {
         // Both fit: a wave has fewer than 2^32 paths.
         let [count, offset] = [stop - first, first - wave.first].map(|n| u32::try_from(n).unwrap_or(u32::MAX));
         let completes = (stop == boundary && octave < LAST_SLOT).then_some(octave);
-        pieces.push(Piece { wave: Wave { first, count }, offset, completes });
+        pieces.push(WavePiece { wave: Wave { first, count }, offset, completes });
         first = stop;
     }
     pieces

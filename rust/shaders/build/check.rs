@@ -9,7 +9,7 @@ use std::collections::{BTreeSet, HashMap};
 
 /// Where a member is. As `oocpt_abi::MemberLayout`.
 #[derive(Debug, Clone)]
-pub(crate) struct Member {
+pub(crate) struct HostMember {
     /// Name.
     pub(crate) name: String,
     /// Bytes from the start of the struct.
@@ -20,17 +20,17 @@ pub(crate) struct Member {
 
 /// How the host lays a struct out.
 #[derive(Debug, Clone)]
-pub(crate) struct Layout {
+pub(crate) struct HostLayout {
     /// Name.
     pub(crate) name: String,
     /// Bytes of the struct and stride of arrays of it.
     pub(crate) size: u64,
     /// Members in order.
-    pub(crate) members: Vec<Member>,
+    pub(crate) members: Vec<HostMember>,
 }
 
 /// What a module says about its types.
-struct Types<'m> {
+struct ModuleTypes<'m> {
     by_id: HashMap<u32, &'m Instruction>,
     names: HashMap<u32, &'m str>,
     member_names: HashMap<(u32, u32), &'m str>,
@@ -45,9 +45,9 @@ struct Types<'m> {
 /// # Errors
 /// All differences, one per line: unknown structs, members that are missing, renamed, moved, or of another size, and
 /// arrays with another stride.
-pub(crate) fn check(words: &[u32], layouts: &[Layout]) -> Result<BTreeSet<String>, String> {
+pub(crate) fn check(words: &[u32], layouts: &[HostLayout]) -> Result<BTreeSet<String>, String> {
     let module = rspirv::dr::load_words(words).map_err(|error| format!("not a SPIR-V module: {error:?}"))?;
-    let types = Types::new(&module);
+    let types = ModuleTypes::new(&module);
     let mut seen = BTreeSet::new();
     let mut errors = Vec::new();
     for instruction in &module.types_global_values {
@@ -60,7 +60,7 @@ pub(crate) fn check(words: &[u32], layouts: &[Layout]) -> Result<BTreeSet<String
     if errors.is_empty() { Ok(seen) } else { Err(errors.join("\n")) }
 }
 
-impl<'m> Types<'m> {
+impl<'m> ModuleTypes<'m> {
     fn new(module: &'m Module) -> Self {
         let mut types = Self {
             by_id: HashMap::new(),
@@ -120,7 +120,7 @@ impl<'m> Types<'m> {
         self.by_id.get(&id).map_or(&[], |instruction| &instruction.operands)
     }
 
-    fn check_struct(&self, id: u32, layouts: &[Layout], seen: &mut BTreeSet<String>, errors: &mut Vec<String>) {
+    fn check_struct(&self, id: u32, layouts: &[HostLayout], seen: &mut BTreeSet<String>, errors: &mut Vec<String>) {
         let members = self.operands(id);
         if !self.offsets.contains_key(&(id, 0)) || (self.blocks.contains(&id) && members.len() == 1) {
             return; // A copy in registers, or the wrapper that GLSL puts around every buffer.
@@ -135,7 +135,7 @@ impl<'m> Types<'m> {
             errors.push(format!("{name}: {} members in GLSL, {} in Rust", members.len(), layout.members.len()));
         }
         for (index, (operand, member)) in (0_u32..).zip(members.iter().zip(&layout.members)) {
-            let glsl = Member {
+            let glsl = HostMember {
                 name: self.member_names.get(&(id, index)).copied().unwrap_or_default().to_owned(),
                 offset: self.offsets.get(&(id, index)).copied().unwrap_or(u64::MAX),
                 size: operand.id_ref_any().and_then(|member| self.size(member)).unwrap_or(u64::MAX),
@@ -146,7 +146,7 @@ impl<'m> Types<'m> {
         }
     }
 
-    fn check_stride(&self, id: u32, layouts: &[Layout], errors: &mut Vec<String>) {
+    fn check_stride(&self, id: u32, layouts: &[HostLayout], errors: &mut Vec<String>) {
         let Some(element) = self.operands(id).first().and_then(Operand::id_ref_any) else {
             return;
         };

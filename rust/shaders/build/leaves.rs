@@ -3,13 +3,13 @@
 //!
 //! Pure. `shaders/geometry/leaf.glsl` says which functions a kind has.
 
-use oocpt_abi::{LEAVES, Leaf};
+use oocpt_abi::{LEAVES, LeafType};
 use std::fmt::Write as _;
 
 /// The kinds' files and numbers, and whether there may be any.
 fn head() -> String {
     let mut text = String::from("// Written by rust/shaders/build.rs, from rust/abi/src/leaves.rs.\n\n");
-    for Leaf { name, .. } in others() {
+    for LeafType { name, .. } in others() {
         let _infallible = writeln!(text, "#include \"geometry/{name}.glsl\"");
     }
     text.push('\n');
@@ -116,28 +116,28 @@ float leaf_radius(const uint kind, const vec3 v0, const vec3 v1, const vec3 v2, 
 }
 
 /// All but triangles, which call sites handle themselves: without other kinds nothing but that is compiled.
-fn others() -> impl Iterator<Item = &'static Leaf> {
-    LEAVES.iter().filter(|leaf| leaf.number != Leaf::TRIANGLE.number)
+fn others() -> impl Iterator<Item = &'static LeafType> {
+    LEAVES.iter().filter(|leaf| leaf.number != LeafType::TRIANGLE.number)
 }
 
 /// `LEAF_NAME`.
-fn constant(leaf: &Leaf) -> String {
+fn constant(leaf: &LeafType) -> String {
     format!("LEAF_{}", leaf.name.to_uppercase())
 }
 
 /// `HAS_A && HAS_B`.
-fn has(leaf: &Leaf) -> String {
+fn has(leaf: &LeafType) -> String {
     let needs: Vec<String> = leaf.needs.iter_names().map(|(name, _)| format!("HAS_{name}")).collect();
     needs.join(" && ")
 }
 
 /// Whether it is compiled in and the kind that is asked about.
-fn is(leaf: &Leaf) -> String {
+fn is(leaf: &LeafType) -> String {
     format!("({} && kind == {})", has(leaf), constant(leaf))
 }
 
 /// A line for each kind that `counts`, with its name in the place of `NAME`.
-fn each(call: &str, counts: impl Fn(&Leaf) -> bool) -> String {
-    let line = |leaf: &Leaf| format!("    if {} {};\n", is(leaf), call.replace("NAME", leaf.name));
+fn each(call: &str, counts: impl Fn(&LeafType) -> bool) -> String {
+    let line = |leaf: &LeafType| format!("    if {} {};\n", is(leaf), call.replace("NAME", leaf.name));
     others().filter(|leaf| counts(leaf)).map(line).collect()
 }

@@ -3,7 +3,7 @@
 //!
 //! Pure. `shaders/material/bsdf/lobe.glsl` says which functions a lobe has.
 
-use oocpt_abi::{self as abi, Lobe, LobeNormal, LobePart, LobeSides};
+use oocpt_abi::{self as abi, LobeNormal, LobePart, LobeRow, LobeSides};
 use std::fmt::Write as _;
 
 const HEAD: &str = "// Written by rust/shaders/build.rs, from rust/abi/src/lobes.rs.\n\n";
@@ -28,7 +28,7 @@ pub(crate) fn types() -> String {
 /// `generated/lobe_functions.glsl`: the lobes' files, and what goes through all of them.
 pub(crate) fn functions() -> String {
     let mut text = String::from(HEAD);
-    for Lobe { name, .. } in abi::LOBES {
+    for LobeRow { name, .. } in abi::LOBES {
         let _infallible = writeln!(text, "#include \"material/bsdf/lobes/{name}.glsl\"");
     }
     for function in [exists(), chances(), choose(), sample(), add()] {
@@ -39,7 +39,7 @@ pub(crate) fn functions() -> String {
 }
 
 /// `HAS_A && HAS_B && `.
-fn has(lobe: &Lobe) -> String {
+fn has(lobe: &LobeRow) -> String {
     lobe.needs.iter_names().map(|(name, _)| format!("HAS_{name} && ")).collect()
 }
 

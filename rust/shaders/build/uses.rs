@@ -11,7 +11,7 @@ use std::collections::{BTreeSet, HashMap};
 
 /// What a module reads.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub(crate) struct Uses {
+pub(crate) struct ModuleUses {
     /// Ids (`SpecId`) of the constants.
     pub(crate) constants: BTreeSet<u32>,
     /// Bits of those constants that are words of flags, by their ids.
@@ -23,9 +23,10 @@ pub(crate) struct Uses {
 ///
 /// # Errors
 /// If the words are no module with one entry point.
-pub(crate) fn uses(words: &[u32], flags: &[u32]) -> Result<Uses, String> {
+pub(crate) fn uses(words: &[u32], flags: &[u32]) -> Result<ModuleUses, String> {
     let module = rspirv::dr::load_words(words).map_err(|error| format!("not a SPIR-V module: {error:?}"))?;
-    let mut seen = Seen { globals: globals(&module), spec_ids: spec_ids(&module), flags, uses: Uses::default() };
+    let mut seen =
+        UseCollector { globals: globals(&module), spec_ids: spec_ids(&module), flags, uses: ModuleUses::default() };
     let mut waiting: Vec<u32> = reachable(&module)?;
     let mut known: BTreeSet<u32> = waiting.iter().copied().collect();
     while let Some(id) = waiting.pop() {
@@ -87,14 +88,14 @@ fn reachable(module: &Module) -> Result<Vec<u32>, String> {
     Ok(named.into_iter().collect())
 }
 
-struct Seen<'m> {
+struct UseCollector<'m> {
     globals: HashMap<u32, &'m Instruction>,
     spec_ids: HashMap<u32, u32>,
     flags: &'m [u32],
-    uses: Uses,
+    uses: ModuleUses,
 }
 
-impl Seen<'_> {
+impl UseCollector<'_> {
     /// Notes what the global of this id reads, and gives the ids that it names.
     fn read(&mut self, id: u32) -> Vec<u32> {
         let Some(&global) = self.globals.get(&id) else {

@@ -13,9 +13,9 @@
 mod blocks;
 mod values;
 
-use blocks::Function;
+use blocks::SpirvFunction;
 use std::collections::{HashMap, HashSet};
-use values::Values;
+use values::KnownValues;
 
 /// Words before the first instruction.
 const HEADER: usize = 5;
@@ -53,12 +53,12 @@ pub(crate) mod op {
 
 /// An instruction: its opcode, and its words, the first of which holds opcode and length.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Instruction<'w> {
+pub(crate) struct SpirvInstruction<'w> {
     pub(crate) op: u32,
     pub(crate) words: &'w [u32],
 }
 
-impl Instruction<'_> {
+impl SpirvInstruction<'_> {
     /// A word of it, 0 where it has fewer.
     pub(crate) fn word(&self, at: usize) -> u32 {
         self.words.get(at).copied().unwrap_or(0)
@@ -81,13 +81,13 @@ pub(crate) const fn head(op: u32, words: u32) -> u32 {
 }
 
 /// The instructions of a module; `None` if it is none.
-fn instructions(words: &[u32]) -> Option<Vec<Instruction<'_>>> {
+fn instructions(words: &[u32]) -> Option<Vec<SpirvInstruction<'_>>> {
     let mut all = Vec::with_capacity(words.len() / 4);
     let mut at = HEADER;
     while at < words.len() {
         let length = (words[at] >> 16) as usize;
         let body = words.get(at..at + length).filter(|body| !body.is_empty())?;
-        all.push(Instruction { op: words[at] & 0xffff, words: body });
+        all.push(SpirvInstruction { op: words[at] & 0xffff, words: body });
         at += length;
     }
     Some(all)
@@ -99,20 +99,20 @@ pub(crate) fn fold(words: &[u32], spec: &[(u32, u32)]) -> Option<Vec<u32>> {
     let all = instructions(words)?;
     let first = all.iter().position(|instruction| instruction.op == op::FUNCTION)?;
     let (global, code) = all.split_at(first);
-    let values = Values::of_globals(global, spec);
-    let functions: Vec<Function<'_>> = code
+    let values = KnownValues::of_globals(global, spec);
+    let functions: Vec<SpirvFunction<'_>> = code
         .split_inclusive(|instruction| instruction.op == op::FUNCTION_END)
-        .map(|function| Function::folded(function, values.clone()))
+        .map(|function| SpirvFunction::folded(function, values.clone()))
         .collect::<Option<_>>()?;
     let mut entries = global.iter().filter(|instruction| instruction.op == op::ENTRY_POINT);
     let (entry, None) = (entries.next()?.word(2), entries.next()) else {
         return None;
     };
     let called = called(&functions, entry)?;
-    let kept: Vec<&Function<'_>> = functions.iter().filter(|function| called.contains(&function.id)).collect();
+    let kept: Vec<&SpirvFunction<'_>> = functions.iter().filter(|function| called.contains(&function.id)).collect();
 
     // What decorations may be about: all that is global, and what is left of the functions.
-    let gone: HashSet<u32> = code.iter().filter_map(Instruction::result).collect();
+    let gone: HashSet<u32> = code.iter().filter_map(SpirvInstruction::result).collect();
     let left: HashSet<u32> = kept.iter().flat_map(|function| function.results()).collect();
     let mut out = words[..HEADER].to_vec();
     for instruction in global {
@@ -133,8 +133,8 @@ pub(crate) fn fold(words: &[u32], spec: &[(u32, u32)]) -> Option<Vec<u32>> {
 }
 
 /// The functions that the one of id `entry` may call, and itself.
-fn called(functions: &[Function<'_>], entry: u32) -> Option<HashSet<u32>> {
-    let by_id: HashMap<u32, &Function<'_>> = functions.iter().map(|function| (function.id, function)).collect();
+fn called(functions: &[SpirvFunction<'_>], entry: u32) -> Option<HashSet<u32>> {
+    let by_id: HashMap<u32, &SpirvFunction<'_>> = functions.iter().map(|function| (function.id, function)).collect();
     let mut known = HashSet::from([entry]);
     let mut waiting = vec![entry];
     while let Some(id) = waiting.pop() {

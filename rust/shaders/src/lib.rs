@@ -8,31 +8,32 @@
 //! # What the host promises
 //! [`PASSES`] declares the passes; `rust/render/src/wavefront/record.rs` records them in their order. There is a full
 //! memory barrier between two passes unless they are recorded as concurrent. What a pass is told of its paths is a
-//! [`Push`].
+//! [`PushConstants`].
 //!
 //! In core a wave traces the paths `first_path .. first_path + path_count` in rounds, without a word from the host: all
 //! rays of round `r` are at bounce `r`. `max_bounces + 1` rounds, with [`Features::MATERIALS`] one more, for rays of
-//! delta lobes. With `Frame::texture_feedback` the host sets `Counters::ray_count[0]` to 0 before the wave and reads
-//! the [`TextureFeedback`] after it. If paths lacked tiles, it brings them, empties the feedback, and repeats the wave
-//! with `PushFlags::RETRACE`, until none does.
+//! delta lobes. With `FrameConstants::texture_feedback` the host sets `WavefrontCounters::ray_count[0]` to 0 before the
+//! wave and reads the [`TextureFeedback`] after it. If paths lacked tiles, it brings them, empties the feedback, and
+//! repeats the wave with `PushFlags::RETRACE`, until none does.
 //!
 //! With [`Features::STREAMING`] chunks may be absent (`GpuChunk::nodes == 0`), rays wait for them across submissions,
 //! and paths are at different bounces. Paths live in *slots*, and leave their radiance at a *place*; there are more
 //! places than slots. Segment `s` is the places from `s * segment_size` on, and holds the paths `first .. first +
 //! count` of the render: `Push::wave(frame, first, count, pixels).with(r, s * segment_size)`, and where they begin
-//! `.into_slots(s, taken, slots)` of that. Passes over all slots take `Push::wave(frame, 0, 0, pixels).with(r, ..)`.
-//! Rounds grow through all submissions of a stage. Before the first one the host zeroes `Counters` and the segment
-//! table and `Streaming::demand`; before the deferred rays are sorted `Streaming::sort_counts`, before demand is
-//! counted `Streaming::demand_counts`, before worth is estimated `Streaming::worth` and
-//! `worth_sums`. Chunks come and go between submissions only. The passes that sort deferred rays may be left out, all
-//! four together, when no ray is deferred.
+//! `.into_slots(s, taken, slots)` of that. Passes over all slots take
+//! `PushConstants::wave(frame, 0, 0, pixels).with(r, ..)`. Rounds grow through all submissions of a stage. Before the
+//! first one the host zeroes `WavefrontCounters` and the segment table and `StreamingPointers::demand`; before the
+//! deferred rays are sorted `StreamingPointers::sort_counts`, before demand is counted
+//! `StreamingPointers::demand_counts`, before worth is estimated `StreamingPointers::worth` and `worth_sums`. Chunks
+//! come and go between submissions only. The passes that sort deferred rays may be left out, all four together, when no
+//! ray is deferred.
 //!
 //! A segment with `alive == 0` and `count > 0` is done. When all earlier ones are accumulated, it is accumulated too,
-//! and its places are free for another segment. A slot is free as soon as its path has ended (`Counters::freed`).
-//! Nothing is left to do when every segment is done. When no chunk is absent no ray is deferred. When
-//! `ray_count[r & 1] + shadow_count` is 0 after a submission, all living paths wait for chunks.
+//! and its places are free for another segment. A slot is free as soon as its path has ended
+//! (`WavefrontCounters::freed`). Nothing is left to do when every segment is done. When no chunk is absent no ray is
+//! deferred. When `ray_count[r & 1] + shadow_count` is 0 after a submission, all living paths wait for chunks.
 //!
-//! [`Push`]: oocpt_abi::Push
+//! [`PushConstants`]: oocpt_abi::PushConstants
 //! [`Features::MATERIALS`]: oocpt_abi::Features::MATERIALS
 //! [`Features::STREAMING`]: oocpt_abi::Features::STREAMING
 //! [`TextureFeedback`]: oocpt_abi::TextureFeedback
@@ -43,5 +44,5 @@ mod fold;
 mod modules;
 mod table;
 
-pub use modules::{ALL, Module, checks, passes};
-pub use table::{Condition, Image, Launch, PASSES, Pass, PassInfo, document};
+pub use modules::{ALL, ShaderModule, checks, passes};
+pub use table::{DispatchSize, PASSES, Pass, PassCondition, PassImage, PassInfo, document};

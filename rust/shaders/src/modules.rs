@@ -7,7 +7,7 @@ use std::borrow::Cow;
 
 /// A compiled pass; its entry point is `main`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Module {
+pub struct ShaderModule {
     /// Name of the pass: the file name, with its folder before it but for `shaders/wavefront`.
     pub name: &'static str,
     /// SPIR-V.
@@ -20,7 +20,7 @@ pub struct Module {
     pub reads_stack: bool,
 }
 
-impl Module {
+impl ShaderModule {
     /// The words for a driver that is given the specialisation constants `(id, value)`, without what these make
     /// unreachable.
     #[must_use]

@@ -3,7 +3,7 @@
 
 use std::collections::BTreeSet;
 
-use crate::{Control, Data, Error, Scheme, Values};
+use crate::{ControlMesh, Error, PackedValues, SubdivisionScheme, SurfaceData};
 
 /// Most pieces of an edge. A quad that is cut into as many along each side has 2^23 triangles.
 pub const MAX_RATE: i32 = 2048;
@@ -31,7 +31,7 @@ fn below(indices: &[i32], count: usize) -> bool {
 }
 
 /// Checks a control mesh.
-pub(crate) fn control(control: &Control<'_>) -> Result<(), Error> {
+pub(crate) fn control(control: &ControlMesh<'_>) -> Result<(), Error> {
     int(control.point_count)?;
     int(control.face_points.len())?;
     ensure(below(control.face_points, control.point_count), "a corner of a face names no point")?;
@@ -50,7 +50,7 @@ pub(crate) fn control(control: &Control<'_>) -> Result<(), Error> {
     faces(control)
 }
 
-fn faces(control: &Control<'_>) -> Result<(), Error> {
+fn faces(control: &ControlMesh<'_>) -> Result<(), Error> {
     let mut valences = vec![0_u16; control.point_count];
     // The last face that each point was seen in.
     let mut seen = vec![u32::MAX; control.point_count];
@@ -58,7 +58,7 @@ fn faces(control: &Control<'_>) -> Result<(), Error> {
     for (face, &count) in (0..).zip(control.face_counts) {
         let count = usize::try_from(count).unwrap_or(0);
         ensure((3..=MAX_FACE_POINTS).contains(&count), "a face has too few or too many points")?;
-        let is_whole = control.rules.scheme != Scheme::Loop || count == 3;
+        let is_whole = control.rules.scheme != SubdivisionScheme::Loop || count == 3;
         ensure(is_whole, "Loop's scheme subdivides triangles only")?;
         let Some(points) = control.face_points.get(first..first + count) else {
             return Err(Error::Invalid("faces have more corners than there are"));
@@ -78,7 +78,7 @@ fn faces(control: &Control<'_>) -> Result<(), Error> {
 }
 
 /// What evaluation takes around points with many faces and in faces with many points, measured in nanoseconds or so.
-fn work(control: &Control<'_>, valences: &[u16]) -> u64 {
+fn work(control: &ControlMesh<'_>, valences: &[u16]) -> u64 {
     let mut is_sharp = vec![false; valences.len()];
     for &point in control.crease_pairs.iter().chain(control.corner_points) {
         if let Some(is_sharp) = usize::try_from(point).ok().and_then(|point| is_sharp.get_mut(point)) {
@@ -113,8 +113,8 @@ pub(crate) fn rates(rates: &[i32], edges: usize) -> Result<(), Error> {
 }
 
 /// Checks the lengths of values.
-pub(crate) fn data(data: &Data<'_>, points: usize, channels: &[usize]) -> Result<(), Error> {
-    let fits = |values: &Values<'_>, count: usize| values.floats.len() == values.width * count;
+pub(crate) fn data(data: &SurfaceData<'_>, points: usize, channels: &[usize]) -> Result<(), Error> {
+    let fits = |values: &PackedValues<'_>, count: usize| values.floats.len() == values.width * count;
     ensure(data.positions.len() == 3 * points, "one position for each point")?;
     ensure(fits(&data.vertex, points) && fits(&data.varying, points), "one value for each point")?;
     ensure(data.channels.len() == channels.len(), "one array for each channel")?;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The boundary to C++ (`cpp/subdiv/limitSurface.h`). C++ checks nothing that [`crate::Control`] has checked.
+//! The boundary to C++ (`cpp/subdiv/limitSurface.h`). C++ checks nothing that [`crate::ControlMesh`] has checked.
 #![allow(unsafe_code, reason = "cxx writes the calls")]
 #![allow(missing_docs, unreachable_pub, unused_qualifications, reason = "cxx writes the calls")]
 #![allow(clippy::multiple_unsafe_ops_per_block, reason = "cxx writes the calls")]

@@ -20,7 +20,7 @@ use std::ops::Range;
 
 use cxx::UniquePtr;
 use rayon::prelude::*;
-use seam::Seam;
+use seam::SeamJoiner;
 
 pub use check::{MAX_FACE_POINTS, MAX_RATE, MAX_VALENCE};
 
@@ -29,7 +29,7 @@ const BLOCK_FACETS: u64 = 1 << 14;
 
 /// `subdivisionScheme`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub enum Scheme {
+pub enum SubdivisionScheme {
     /// Faces become bilinear patches.
     Bilinear,
     /// Catmull and Clark 1978.
@@ -41,7 +41,7 @@ pub enum Scheme {
 
 /// `interpolateBoundary`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub enum Boundary {
+pub enum BoundaryRule {
     /// Faces at a boundary have no surface.
     None,
     /// Boundaries are smooth curves.
@@ -81,7 +81,7 @@ pub enum TriangleRule {
 
 /// How sharpness goes down from level to level.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub enum Creasing {
+pub enum CreaseRule {
     /// By one a level.
     #[default]
     Uniform,
@@ -91,22 +91,22 @@ pub enum Creasing {
 
 /// The rules of a control mesh.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub struct Rules {
+pub struct SubdivisionRules {
     /// Scheme.
-    pub scheme: Scheme,
+    pub scheme: SubdivisionScheme,
     /// At boundaries.
-    pub boundary: Boundary,
+    pub boundary: BoundaryRule,
     /// For face-varying values.
     pub face_varying: FaceVaryingLinear,
     /// For triangles of a Catmull-Clark mesh.
     pub triangles: TriangleRule,
     /// For semi-sharp creases.
-    pub creasing: Creasing,
+    pub creasing: CreaseRule,
 }
 
 /// Values that belong to corners of faces, and how corners share them.
 #[derive(Clone, Copy, Debug)]
-pub struct Channel<'a> {
+pub struct FaceVaryingChannel<'a> {
     /// Number of the value of each corner.
     pub corners: &'a [i32],
     /// Values.
@@ -115,9 +115,9 @@ pub struct Channel<'a> {
 
 /// A control mesh. All indices are of points, all arrays may be empty.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Control<'a> {
+pub struct ControlMesh<'a> {
     /// Rules.
-    pub rules: Rules,
+    pub rules: SubdivisionRules,
     /// Points.
     pub point_count: usize,
     /// Corners of each face.
@@ -135,12 +135,12 @@ pub struct Control<'a> {
     /// Faces without a surface.
     pub holes: &'a [i32],
     /// Face-varying values.
-    pub channels: &'a [Channel<'a>],
+    pub channels: &'a [FaceVaryingChannel<'a>],
 }
 
 /// Some values of `width` floats each.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Values<'a> {
+pub struct PackedValues<'a> {
     /// Floats of a value; 0 = there are none.
     pub width: usize,
     /// The values, one after the other.
@@ -149,28 +149,28 @@ pub struct Values<'a> {
 
 /// What is evaluated on a surface.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Data<'a> {
+pub struct SurfaceData<'a> {
     /// Position of each point, 3 floats.
     pub positions: &'a [f32],
     /// Smooth values of points.
-    pub vertex: Values<'a>,
+    pub vertex: PackedValues<'a>,
     /// Values of points, linear over faces.
-    pub varying: Values<'a>,
+    pub varying: PackedValues<'a>,
     /// Values of each channel.
-    pub channels: &'a [Values<'a>],
+    pub channels: &'a [PackedValues<'a>],
 }
 
 /// Triangles on a limit surface. Where normals or face-varying values differ from face to face, several vertices have
 /// one position.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Facets {
+pub struct LimitFacets {
     /// Three floats a vertex.
     pub positions: Vec<f32>,
     /// Unit normals of the right-handed surface, three floats a vertex; zero where the surface has none.
     pub normals: Vec<f32>,
-    /// `Data::vertex` at each vertex.
+    /// `SurfaceData::vertex` at each vertex.
     pub vertex: Vec<f32>,
-    /// `Data::varying` at each vertex.
+    /// `SurfaceData::varying` at each vertex.
     pub varying: Vec<f32>,
     /// All channels at each vertex, one behind the other.
     pub face_varying: Vec<f32>,
@@ -221,7 +221,7 @@ impl LimitSurface {
     /// When an index or length is out of range, a face has a point twice, fewer than three or more than
     /// [`MAX_FACE_POINTS`] points, more than [`MAX_VALENCE`] faces meet at a point, or Loop's scheme meets a face that
     /// is no triangle.
-    pub fn new(control: &Control<'_>) -> Result<Self, Error> {
+    pub fn new(control: &ControlMesh<'_>) -> Result<Self, Error> {
         check::control(control)?;
         let channel_counts: Vec<usize> = control.channels.iter().map(|channel| channel.count).collect();
         let counts = channel_counts.iter().map(|&count| check::int(count)).collect::<Result<Vec<_>, _>>()?;
@@ -269,7 +269,7 @@ impl LimitSurface {
     ///
     /// # Errors
     /// When lengths do not fit, or a rate is not in `1..=MAX_RATE`.
-    pub fn tessellate(&self, rates: &[i32], data: &Data<'_>) -> Result<Facets, Error> {
+    pub fn tessellate(&self, rates: &[i32], data: &SurfaceData<'_>) -> Result<LimitFacets, Error> {
         let expected = self.expected_by_face(rates)?;
         check::data(data, self.point_count, &self.channel_counts)?;
         let widths = data.channels.iter().map(|values| check::int(values.width)).collect::<Result<Vec<_>, _>>()?;
@@ -292,7 +292,7 @@ impl LimitSurface {
         };
         let blocks: Vec<_> = blocks(&expected).par_iter().map(block).collect::<Result<_, _>>()?;
         let width = data.channels.iter().map(|values| values.width).sum();
-        let mut seam = Seam::new(site_count, width);
+        let mut seam = SeamJoiner::new(site_count, width);
         for block in blocks {
             seam.add(block.as_ref().ok_or(Error::Invalid("no triangles"))?)?;
         }
@@ -328,17 +328,17 @@ fn blocks(expected: &[u64]) -> Vec<Range<usize>> {
 }
 
 /// As OpenSubdiv numbers them (`Sdc::SchemeType`, `Sdc::Options`).
-fn rules(rules: Rules) -> ffi::Rules {
+fn rules(rules: SubdivisionRules) -> ffi::Rules {
     ffi::Rules {
         scheme: match rules.scheme {
-            Scheme::Bilinear => 0,
-            Scheme::CatmullClark => 1,
-            Scheme::Loop => 2,
+            SubdivisionScheme::Bilinear => 0,
+            SubdivisionScheme::CatmullClark => 1,
+            SubdivisionScheme::Loop => 2,
         },
         boundary: match rules.boundary {
-            Boundary::None => 0,
-            Boundary::EdgeOnly => 1,
-            Boundary::EdgeAndCorner => 2,
+            BoundaryRule::None => 0,
+            BoundaryRule::EdgeOnly => 1,
+            BoundaryRule::EdgeAndCorner => 2,
         },
         face_varying: match rules.face_varying {
             FaceVaryingLinear::None => 0,
@@ -353,8 +353,8 @@ fn rules(rules: Rules) -> ffi::Rules {
             TriangleRule::Smooth => 1,
         },
         creasing: match rules.creasing {
-            Creasing::Uniform => 0,
-            Creasing::Chaikin => 1,
+            CreaseRule::Uniform => 0,
+            CreaseRule::Chaikin => 1,
         },
     }
 }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Blocks of faces put together: vertices at the places that blocks share become one, where they are alike.
 
-use crate::{Error, Facets, ffi};
+use crate::{Error, LimitFacets, ffi};
 
 /// No vertex.
 const NONE: u32 = u32::MAX;
@@ -11,8 +11,8 @@ const SAME_NORMAL: f64 = 1.0 - 1e-4;
 const SAME_VALUE: f32 = 1e-4;
 
 /// What was put together so far.
-pub(crate) struct Seam {
-    pub(crate) facets: Facets,
+pub(crate) struct SeamJoiner {
+    pub(crate) facets: LimitFacets,
     /// First vertex at each place that faces share.
     heads: Vec<u32>,
     /// The next vertex at the same place.
@@ -21,9 +21,9 @@ pub(crate) struct Seam {
     width: usize,
 }
 
-impl Seam {
+impl SeamJoiner {
     pub(crate) fn new(site_count: usize, width: usize) -> Self {
-        Self { facets: Facets::default(), heads: vec![NONE; site_count], next: Vec::new(), width }
+        Self { facets: LimitFacets::default(), heads: vec![NONE; site_count], next: Vec::new(), width }
     }
 
     /// Adds a block. Blocks come in the order of their faces.

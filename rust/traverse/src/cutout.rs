@@ -2,13 +2,13 @@
 //! Whether a material says that a surface is there for a ray: `is_cut_in` of traversal/opacity.glsl. Any thread.
 
 use crate::pending::before;
-use crate::presence::{Opacity, Presence};
-use crate::texture::{Looked, Lookup};
-use crate::walk::{Surface, Walk};
+use crate::presence::{AlphaTest, OpacitySource};
+use crate::texture::{LookupResult, TextureLookup};
+use crate::walk::{CandidateSurface, RayTraversal};
 use oocpt_abi::sampler::{combine, hash, unit_float};
-use oocpt_abi::{Question, RayFlags, SECOND_SURFACE};
+use oocpt_abi::{DeferredAlphaTest, RayFlags, SECOND_SURFACE};
 
-/// Bits of `Question::flags`, as in traversal/cutout.glsl.
+/// Bits of `DeferredAlphaTest::flags`, as in traversal/cutout.glsl.
 const CHANNEL_SHIFT: u32 = 4;
 const INCLUSIVE: u32 = 64;
 const PRESENT: u32 = 128;
@@ -22,9 +22,9 @@ fn is_covered(coverage: u8, is_chance: bool, of_aovs: bool, chance: impl FnOnce(
     }
 }
 
-impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
+impl<const ANY_HIT: bool> RayTraversal<'_, '_, ANY_HIT> {
     /// The question that is kept with what the ray waits for: one about the first of its list.
-    pub(crate) fn kept_question(&self) -> Option<&Question> {
+    pub(crate) fn kept_question(&self) -> Option<&DeferredAlphaTest> {
         self.asking.question_about(self.pending.items().first()?)
     }
 
@@ -36,8 +36,8 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
 
     /// Whether the material says that the surface is there for this ray.
     #[inline(never)]
-    pub(crate) fn is_cut_in(&mut self, surface: Surface, t: f32, uv: [f32; 2]) -> bool {
-        let Surface { item: triangle, number, subset_and_sides } = surface;
+    pub(crate) fn is_cut_in(&mut self, surface: CandidateSurface, t: f32, uv: [f32; 2]) -> bool {
+        let CandidateSurface { item: triangle, number, subset_and_sides } = surface;
         let records = &self.chain[..=self.level_index()];
         let above = records.iter().fold(self.chunk_instance, |id, &record| combine(id, record));
         let id = combine(above, triangle | (number & SECOND_SURFACE));
@@ -49,7 +49,7 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
                 return answer.flags & PRESENT != 0;
             }
         }
-        let Some(Presence { opacity, threshold }) = self.presence(triangle, subset_and_sides, t, uv) else {
+        let Some(AlphaTest { opacity, threshold }) = self.presence(triangle, subset_and_sides, t, uv) else {
             return true;
         };
         let is_chance = threshold <= 0.0;
@@ -62,19 +62,19 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
         };
         let is_there = |opacity: f32| opacity > limit || (!is_chance && opacity == limit);
         let (lookup, scale, bias) = match opacity {
-            Opacity::Value(value) => return is_there(value),
-            Opacity::Covered(coverage) => return is_covered(coverage, is_chance, of_aovs, chance),
-            Opacity::Texel { lookup, scale, bias } => (lookup, scale, bias),
+            OpacitySource::Value(value) => return is_there(value),
+            OpacitySource::Covered(coverage) => return is_covered(coverage, is_chance, of_aovs, chance),
+            OpacitySource::Texel { lookup, scale, bias } => (lookup, scale, bias),
         };
         match self.scene.look_up(self.world.path, &lookup) {
-            Looked::Texel(texel) => is_there(texel * scale + bias),
-            Looked::Fallback(value) => is_there(value),
-            Looked::Waits { page, taps, mean } => {
-                let Lookup { texture, st, width, channel } = lookup;
+            LookupResult::Texel(texel) => is_there(texel * scale + bias),
+            LookupResult::Fallback(value) => is_there(value),
+            LookupResult::Waits { page, taps, mean } => {
+                let TextureLookup { texture, st, width, channel } = lookup;
                 let flags = channel << CHANNEL_SHIFT | if is_chance { 0 } else { INCLUSIVE } | taps;
                 let unit = self.scene.streaming.first_tile.wrapping_add(page);
                 let (chunk_instance, mean) = (self.chunk_instance, [mean; 4]);
-                self.wait_for(Question {
+                self.wait_for(DeferredAlphaTest {
                     t,
                     id,
                     chunk_instance,
@@ -94,7 +94,7 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
     }
 
     /// Asks, and puts the item on the list of what the ray waits for.
-    fn wait_for(&mut self, question: Question) {
+    fn wait_for(&mut self, question: DeferredAlphaTest) {
         self.asking.ask(self.item, question);
         self.pending.remember(self.item);
     }

@@ -36,7 +36,7 @@ use oocpt_abi::Features;
 
 /// What the passes are specialised by: the constants of the shaders.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Special {
+pub struct TraversalConstants {
     /// Deepest chain of instance records, 1 to 16.
     pub max_levels: u32,
     /// Stack entries of a ray.
@@ -46,12 +46,12 @@ pub struct Special {
     /// Bytes of all trees, items and records: what is small stays in the caches, and no ray has to wait for memory.
     pub geometry_bytes: u64,
     /// Which instructions it may use. The hits are the same, bit for bit.
-    pub instructions: Instructions,
+    pub instructions: InstructionSet,
 }
 
 /// Instructions of a processor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Instructions {
+pub enum InstructionSet {
     /// The widest that there are on this one.
     #[default]
     Widest,
@@ -59,7 +59,7 @@ pub enum Instructions {
     Portable,
 }
 
-impl Special {
+impl TraversalConstants {
     pub(crate) fn levels(&self) -> usize {
         (self.max_levels as usize).clamp(1, walk::MOST_LEVELS)
     }

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Placements that move, at the time of a path (`geometry/motion.glsl`, in its operations). Pure, any thread.
 
-use crate::scene::Scene;
-use crate::vector::{Rows, V3, apply_columns, dot3};
+use crate::scene::TraversalScene;
+use crate::vector::{AffineRows, V3, apply_columns, dot3};
 use oocpt_abi::sampler::{pixel_seed, sample_1d};
 use oocpt_abi::{Features, GpuInstance, GpuMotionKey, TARGET_ASSEMBLY, TARGET_MOVING, TIME_SET};
 use oocpt_gpu::HostBytes;
@@ -11,7 +11,7 @@ use oocpt_gpu::HostBytes;
 const KEY_QUADS: usize = 4;
 const _: () = assert!(size_of::<GpuMotionKey>() == 16 * KEY_QUADS, "a key has so many units");
 
-impl Scene<'_> {
+impl TraversalScene<'_> {
     /// `path_time`; 0 where nothing moves.
     #[inline(always)]
     pub(crate) fn path_time(&self, path: u32) -> f32 {
@@ -53,7 +53,7 @@ impl Scene<'_> {
 
     /// `placed_map`: the map of a record of `instances`; none where its keys are not in memory.
     #[inline(always)]
-    pub(crate) fn placed_map(&self, instances: HostBytes<'_>, record: &GpuInstance, time: f32) -> Option<Rows> {
+    pub(crate) fn placed_map(&self, instances: HostBytes<'_>, record: &GpuInstance, time: f32) -> Option<AffineRows> {
         if self.has(Features::MOTION) && record.target & TARGET_MOVING != 0 {
             return moving_map(instances, record, time);
         }
@@ -63,7 +63,7 @@ impl Scene<'_> {
 
 /// `moving_map`.
 #[inline(never)]
-fn moving_map(instances: HostBytes<'_>, record: &GpuInstance, time: f32) -> Option<Rows> {
+fn moving_map(instances: HostBytes<'_>, record: &GpuInstance, time: f32) -> Option<AffineRows> {
     let [first, count, ..] = record.object_from_parent[0].map(|word| word.to_bits() as usize);
     let quad = |at: usize| instances.get::<[f32; 4]>(first + at);
     let key = |at: usize| -> Option<GpuMotionKey> {
@@ -85,7 +85,7 @@ fn quadrant_sine(x: f32) -> f32 {
 }
 
 /// `inverse_map` of what `between` gives.
-fn inverse_between(a: &GpuMotionKey, b: &GpuMotionKey, time: f32) -> Rows {
+fn inverse_between(a: &GpuMotionKey, b: &GpuMotionKey, time: f32) -> AffineRows {
     let f = ((time - a.time) / (b.time - a.time)).clamp(0.0, 1.0);
     let mix = |a: [f32; 3], b: [f32; 3]| f * (V3(b) - V3(a)) + V3(a);
     let (stretch, shear) = (mix(a.stretch, b.stretch), mix(a.shear, b.shear));

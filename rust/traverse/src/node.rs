@@ -44,7 +44,7 @@ pub(crate) struct EnteredChildren {
 pub(crate) struct MeshChildren {
     inner: u32,
     first: u32,
-    leaves: Leaves,
+    leaves: LeafCounts,
     first_triangle: u32,
 }
 
@@ -80,7 +80,7 @@ impl MeshChildren {
 
 /// What the byte of a node says that counts the triangles of its leaves.
 #[derive(Clone, Copy, Debug)]
-struct Leaves {
+struct LeafCounts {
     /// A byte to a child: its triangles.
     counts: u32,
     /// A byte to a child: those of the children before it.
@@ -90,8 +90,8 @@ struct Leaves {
 }
 
 /// By that byte, two bits to a child.
-static LEAVES: [Leaves; 256] = {
-    let mut all = [Leaves { counts: 0, before: 0, there: 0 }; 256];
+static LEAVES: [LeafCounts; 256] = {
+    let mut all = [LeafCounts { counts: 0, before: 0, there: 0 }; 256];
     let mut byte = 0_u32;
     while byte < 256 {
         let (mut lane, mut before) = (0, 0);

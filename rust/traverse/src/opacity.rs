@@ -3,16 +3,16 @@
 //! (`traversal/opacity_seed.glsl`). Any thread.
 
 use crate::primvar::indices;
-use crate::scene::Scene;
-use crate::walk::{Surface, Walk};
+use crate::scene::TraversalScene;
+use crate::walk::{CandidateSurface, RayTraversal};
 use oocpt_abi::sampler::{combine, hash, unit_float};
 use oocpt_abi::{
-    Adaptive, Features, MeshFlags, NAME_DISPLAY_OPACITY, NO_MATERIAL, STREAM_BIT, STREAM_SEED, SUBSET_MASK, Segment,
-    unpack_band,
+    AdaptiveSampling, Features, MeshFlags, NAME_DISPLAY_OPACITY, NO_MATERIAL, PathSegment, STREAM_BIT, STREAM_SEED,
+    SUBSET_MASK, unpack_band,
 };
 use oocpt_gpu::HostBytes;
 
-impl Scene<'_> {
+impl TraversalScene<'_> {
     /// The seed of a ray of a path: `ray` is twice the bounce, and one more for shadow rays.
     pub(crate) fn opacity_seed(&self, path: u32, ray: u32) -> u32 {
         if !self.special.features.intersects(Features::OPACITY | Features::CUTOUTS) {
@@ -31,7 +31,7 @@ impl Scene<'_> {
             let at = number as usize * 4;
             let segments = self.view.words(self.streaming.segments);
             let segment =
-                Segment { first_pixel: segments.load(at), first_sample: segments.load(at + 1), count: 0, alive: 0 };
+                PathSegment { first_pixel: segments.load(at), first_sample: segments.load(at + 1), count: 0, alive: 0 };
             (first_pixel, first_sample) = (segment.first_pixel, segment.first_sample);
             i = place.wrapping_sub(number.wrapping_mul(self.streaming.segment_size));
         }
@@ -40,7 +40,7 @@ impl Scene<'_> {
             let pixels = self.frame.width.wrapping_mul(self.frame.height).max(1);
             return (self.frame.seed, place % pixels, first_sample.wrapping_add(place / pixels));
         }
-        let Some(adaptive) = self.view.bytes(self.frame.adaptive).get::<Adaptive>(0) else { return (0, 0, 0) };
+        let Some(adaptive) = self.view.bytes(self.frame.adaptive).get::<AdaptiveSampling>(0) else { return (0, 0, 0) };
         let (band, row) = unpack_band(first_sample);
         let width = adaptive.width.get(band as usize).copied().unwrap_or(1).max(1);
         let entries = self.view.bytes(adaptive.entries);
@@ -65,11 +65,11 @@ fn attribute(values: HostBytes<'_>, corners: HostBytes<'_>, rate: u32, triangle:
     Some(at(x)? * (1.0 - uv[0] - uv[1]) + at(y)? * uv[0] + at(z)? * uv[1])
 }
 
-impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
+impl<const ANY_HIT: bool> RayTraversal<'_, '_, ANY_HIT> {
     /// Whether the surface is there for this ray.
     #[inline(never)]
-    pub(crate) fn is_opaque(&self, surface: Surface, uv: [f32; 2]) -> bool {
-        let Surface { item: triangle, number, subset_and_sides } = surface;
+    pub(crate) fn is_opaque(&self, surface: CandidateSurface, uv: [f32; 2]) -> bool {
+        let CandidateSurface { item: triangle, number, subset_and_sides } = surface;
         let scene = self.scene;
         let of_mesh = self.mesh.flags & MeshFlags::HAS_OPACITIES.bits() != 0;
         if !of_mesh && !scene.has(Features::INSTANCE_OPACITY) {

@@ -3,7 +3,7 @@
 //! `texture/near_width.glsl`, operation by operation. The layout is that of `oocpt_core::texture::OpacityMask`. Pure,
 //! any thread.
 
-use crate::primvar::Corners;
+use crate::primvar::TriangleCorners;
 use crate::texture::near_image;
 use crate::vector::{V3, cross3, dot3};
 use oocpt_abi::{GpuCutout, MASK_SET, MOST_ANISOTROPY, WRAP_BLACK, WRAP_MIRROR, WRAP_REPEAT};
@@ -11,8 +11,8 @@ use oocpt_gpu::{HostBytes, HostView};
 
 /// A candidate of a hit, and the ray.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Place<'a> {
-    pub(crate) corners: &'a Corners,
+pub(crate) struct MaskCandidate<'a> {
+    pub(crate) corners: &'a TriangleCorners,
     pub(crate) uv: [f32; 2],
     /// Of the triangle.
     pub(crate) edges: [V3; 2],
@@ -68,7 +68,7 @@ fn coverage_in_mask(mask: HostBytes<'_>, [size, modes]: [u32; 2], st: [f32; 2], 
     clippy::cast_precision_loss,
     reason = "parts from 0 to 9, and sides of an image"
 )]
-pub(crate) fn coverage_at(view: &HostView, cutout: &GpuCutout, at: &Place<'_>) -> Option<u8> {
+pub(crate) fn coverage_at(view: &HostView, cutout: &GpuCutout, at: &MaskCandidate<'_>) -> Option<u8> {
     let [s, t, ..] = at.corners.mixed(at.uv);
     let rows = [cutout.row_s, cutout.row_t];
     let mut place = rows.map(|row| row[0] * s + row[1] * t + row[2]);
@@ -96,7 +96,7 @@ fn dot2(a: [f32; 3], b: [f32; 2]) -> f32 {
 }
 
 /// `near_lookup_width`: how wide a lookup is, in texels; 0 where it cannot be told.
-fn near_lookup_width(at: &Place<'_>, [at_e, at_f]: [[f32; 2]; 2]) -> f32 {
+fn near_lookup_width(at: &MaskCandidate<'_>, [at_e, at_f]: [[f32; 2]; 2]) -> f32 {
     let ([e, f], d) = (at.edges, at.direction);
     let (p, q) = (cross3(e, d), cross3(f, d));
     let dd = dot3(d, d);

@@ -7,20 +7,20 @@
 mod rays;
 
 #[cfg(target_arch = "x86_64")]
-use crate::Instructions;
+use crate::InstructionSet;
 use crate::asking::{load_question, store_question};
-use crate::passes::rays::{Block, ClosestRays, Rays, ShadowRays};
-use crate::pending::{Item, Listed};
-use crate::scene::Scene;
+use crate::passes::rays::{ClosestRays, QueuedRays, RayBlock, ShadowRays};
+use crate::pending::{ListedItems, PendingItem};
+use crate::scene::TraversalScene;
 #[cfg(target_arch = "x86_64")]
-use crate::simd::Avx2;
-use crate::simd::{Portable, Simd};
+use crate::simd::Avx2Simd;
+use crate::simd::{PortableSimd, Simd};
 use crate::vector::V3;
-use crate::walk::{Walk, WorldRay};
-use crate::{Special, TraceError};
+use crate::walk::{RayTraversal, WorldRay};
+use crate::{TraceError, TraversalConstants};
 use oocpt_abi::{
-    Counters, Features, PathProgress, Pending, Push, RAY_WORD_IN_SHADOW, Ray, RayFlags, ShadowRay, hit_stride,
-    unpack_color,
+    Features, PathProgress, PendingItems, PushConstants, RAY_WORD_IN_SHADOW, Ray, RayFlags, ShadowRay,
+    WavefrontCounters, hit_stride, unpack_color,
 };
 use oocpt_gpu::{HostView, HostWords};
 use rayon::prelude::*;
@@ -33,17 +33,17 @@ const RAYS_AT_ONCE: usize = 8;
 /// Words of a ray, a shadow ray, a pending list.
 const RAY_WORDS: usize = size_of::<Ray>() / 4;
 const SHADOW_WORDS: usize = size_of::<ShadowRay>() / 4;
-const PENDING_WORDS: usize = size_of::<Pending>() / 4;
+const PENDING_WORDS: usize = size_of::<PendingItems>() / 4;
 
 macro_rules! counter {
     ($member:ident) => {
-        offset_of!(Counters, $member) / 4
+        offset_of!(WavefrontCounters, $member) / 4
     };
 }
 
 /// What a pass shares among its threads.
-struct Shared<'s, 'v> {
-    scene: &'s Scene<'v>,
+struct PassContext<'s, 'v> {
+    scene: &'s TraversalScene<'v>,
     counters: HostWords<'v>,
     /// The rays, with their flags.
     rays: HostWords<'v>,
@@ -54,7 +54,7 @@ struct Shared<'s, 'v> {
 
 /// What a block pushes.
 #[derive(Default)]
-struct Pushes {
+struct QueuePushes {
     surfaces: Vec<u32>,
     escaped: Vec<u32>,
     deferred: Vec<u32>,
@@ -66,10 +66,10 @@ struct Pushes {
 ///
 /// # Errors
 /// [`TraceError::NoMemory`] where a table of the frame is not there.
-pub fn closest(view: &HostView, push: Push, special: Special) -> Result<(), TraceError> {
-    let scene = Scene::new(view, push, special)?;
+pub fn closest(view: &HostView, push: PushConstants, special: TraversalConstants) -> Result<(), TraceError> {
+    let scene = TraversalScene::new(view, push, special)?;
     let rays = view.words(scene.frame.rays);
-    let shared = Shared::new(&scene, rays, [scene.streaming.pending, scene.streaming.questions]);
+    let shared = PassContext::new(&scene, rays, [scene.streaming.pending, scene.streaming.questions]);
     let parity = (push.round & 1) as usize;
     let queue = view.bytes(scene.frame.ray_queue[parity]);
     let hits = view.words(scene.frame.hits);
@@ -82,10 +82,10 @@ pub fn closest(view: &HostView, push: Push, special: Special) -> Result<(), Trac
 ///
 /// # Errors
 /// As [`closest`].
-pub fn shadow(view: &HostView, push: Push, special: Special) -> Result<(), TraceError> {
-    let scene = Scene::new(view, push, special)?;
+pub fn shadow(view: &HostView, push: PushConstants, special: TraversalConstants) -> Result<(), TraceError> {
+    let scene = TraversalScene::new(view, push, special)?;
     let rays = view.words(scene.frame.shadow_rays);
-    let shared = Shared::new(&scene, rays, [scene.streaming.shadow_pending, scene.streaming.shadow_questions]);
+    let shared = PassContext::new(&scene, rays, [scene.streaming.shadow_pending, scene.streaming.shadow_questions]);
     let queue = view.bytes(scene.frame.shadow_queue);
     let radiance = view.words(scene.frame.radiance);
     let count = shared.counters.load(counter!(shadow_count));
@@ -97,32 +97,32 @@ fn load_v3(words: HostWords<'_>, at: usize) -> V3 {
     V3([0, 1, 2].map(|i| f32::from_bits(words.load(at + i))))
 }
 
-impl<'s, 'v> Shared<'s, 'v> {
-    fn new(scene: &'s Scene<'v>, rays: HostWords<'v>, [pending, questions]: [u64; 2]) -> Self {
+impl<'s, 'v> PassContext<'s, 'v> {
+    fn new(scene: &'s TraversalScene<'v>, rays: HostWords<'v>, [pending, questions]: [u64; 2]) -> Self {
         let view = scene.view;
         let counters = view.words(scene.frame.counters);
         Self { scene, counters, rays, pending: view.words(pending), questions: view.words(questions) }
     }
 
     /// Traces each of `count` entries of a queue.
-    fn trace<const ANY_HIT: bool>(&self, count: u32, rays: &impl Rays<'s, 'v, ANY_HIT>) {
+    fn trace<const ANY_HIT: bool>(&self, count: u32, rays: &impl QueuedRays<'s, 'v, ANY_HIT>) {
         #[cfg(target_arch = "x86_64")]
-        if self.scene.special.instructions == Instructions::Widest
-            && let Some(simd) = Avx2::try_new()
+        if self.scene.special.instructions == InstructionSet::Widest
+            && let Some(simd) = Avx2Simd::try_new()
         {
             return self.trace_by(simd, count, rays);
         }
-        self.trace_by(Portable, count, rays);
+        self.trace_by(PortableSimd, count, rays);
     }
 
-    fn trace_by<const ANY_HIT: bool>(&self, simd: impl Simd, count: u32, rays: &impl Rays<'s, 'v, ANY_HIT>) {
+    fn trace_by<const ANY_HIT: bool>(&self, simd: impl Simd, count: u32, rays: &impl QueuedRays<'s, 'v, ANY_HIT>) {
         let blocks = (0..count.div_ceil(BLOCK)).into_par_iter();
         blocks.for_each_init(
-            || ([(); RAYS_AT_ONCE].map(|()| Walk::<ANY_HIT>::new(self.scene)), Pushes::default()),
+            || ([(); RAYS_AT_ONCE].map(|()| RayTraversal::<ANY_HIT>::new(self.scene)), QueuePushes::default()),
             |(walks, pushes), block| {
                 let first = block * BLOCK;
                 let range = first..count.min(first + BLOCK);
-                simd.vectorize(Block { simd, walks: &mut *walks, pushes: &mut *pushes, rays, range });
+                simd.vectorize(RayBlock { simd, walks: &mut *walks, pushes: &mut *pushes, rays, range });
                 self.push_all(pushes);
                 let overflows = walks.iter_mut().map(|walk| std::mem::take(&mut walk.overflows)).sum();
                 if overflows > 0 {
@@ -136,8 +136,8 @@ impl<'s, 'v> Shared<'s, 'v> {
         self.counters.add(counter, more).unwrap_or(0)
     }
 
-    fn push_all(&self, pushes: &mut Pushes) {
-        let Scene { frame, streaming, view, .. } = self.scene;
+    fn push_all(&self, pushes: &mut QueuePushes) {
+        let TraversalScene { frame, streaming, view, .. } = self.scene;
         let is_streaming = self.scene.has(Features::STREAMING);
         let (surface_queue, surface_count) = if is_streaming && self.scene.has(Features::TEXTURES) {
             (streaming.resolve_queue, counter!(resolve_count))
@@ -195,18 +195,24 @@ impl<'s, 'v> Shared<'s, 'v> {
     }
 
     /// The pending list of a path.
-    fn listed(&self, path: u32, flags: u32) -> Listed {
-        let list: Pending = bytemuck::cast(self.pending.load_all::<PENDING_WORDS>(path as usize * PENDING_WORDS));
-        let item = |i: usize| Item {
+    fn listed(&self, path: u32, flags: u32) -> ListedItems {
+        let list: PendingItems = bytemuck::cast(self.pending.load_all::<PENDING_WORDS>(path as usize * PENDING_WORDS));
+        let item = |i: usize| PendingItem {
             chunk: (list.entry[i], list.chunk_instance[i]),
             record: (list.record_entry[i], list.mesh[i]),
         };
-        Listed::new(flags, [0, 1, 2, 3].map(item))
+        ListedItems::new(flags, [0, 1, 2, 3].map(item))
     }
 
     #[inline(always)]
-    fn begin<const ANY_HIT: bool>(&self, simd: impl Simd, walk: &mut Walk<'s, 'v, ANY_HIT>, path: u32, ray: WorldRay) {
-        let listed = if ray.flags == 0 { Listed::default() } else { self.listed(path, ray.flags) };
+    fn begin<const ANY_HIT: bool>(
+        &self,
+        simd: impl Simd,
+        walk: &mut RayTraversal<'s, 'v, ANY_HIT>,
+        path: u32,
+        ray: WorldRay,
+    ) {
+        let listed = if ray.flags == 0 { ListedItems::default() } else { self.listed(path, ray.flags) };
         if self.scene.has(Features::STREAMING) && self.scene.has(Features::CUTOUTS) {
             let is_asked = ray.flags & RayFlags::ASKED.bits() != 0;
             walk.asking.begin(is_asked.then(|| (listed.items[0], load_question(self.questions, path))));
@@ -215,11 +221,11 @@ impl<'s, 'v> Shared<'s, 'v> {
     }
 
     /// Keeps what a ray waits for.
-    fn store_pending<const ANY_HIT: bool>(&self, path: u32, walk: &Walk<'s, 'v, ANY_HIT>) {
+    fn store_pending<const ANY_HIT: bool>(&self, path: u32, walk: &RayTraversal<'s, 'v, ANY_HIT>) {
         if let Some(question) = walk.kept_question() {
             store_question(self.questions, path, question);
         }
-        let mut list = Pending::default();
+        let mut list = PendingItems::default();
         for (i, item) in walk.pending.items().iter().enumerate() {
             ((list.entry[i], list.chunk_instance[i]), (list.record_entry[i], list.mesh[i])) = (item.chunk, item.record);
         }
@@ -230,7 +236,7 @@ impl<'s, 'v> Shared<'s, 'v> {
     }
 
     /// Notes that a ray of the path has finished, and pushes the path when the other one had too.
-    fn finish(&self, path: u32, bits: PathProgress, pushes: &mut Pushes) {
+    fn finish(&self, path: u32, bits: PathProgress, pushes: &mut QueuePushes) {
         let progress = self.scene.view.words(self.scene.streaming.progress);
         let before = progress.or(path as usize, bits.bits()).unwrap_or(0);
         let all = PathProgress::from_bits_retain(before) | bits;

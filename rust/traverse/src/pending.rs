@@ -7,26 +7,26 @@ use oocpt_abi::{NO_MESH, pack_waiting, waiting_count};
 const MAX: usize = oocpt_abi::MAX_PENDING as usize;
 
 /// A distance and a number, in the order of a ray.
-pub(crate) type Key = (f32, u32);
+pub(crate) type EntryKey = (f32, u32);
 
 /// Whether `a` comes before `b`.
-pub(crate) fn before(a: Key, b: Key) -> bool {
+pub(crate) fn before(a: EntryKey, b: EntryKey) -> bool {
     a.0 < b.0 || (a.0 == b.0 && a.1 < b.1)
 }
 
 /// A chunk instance whose chunk is absent, or, in one that is there, all records of a mesh that the ray enters at one
 /// distance.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct Item {
+pub(crate) struct PendingItem {
     /// The chunk instance and where it is entered.
-    pub(crate) chunk: Key,
+    pub(crate) chunk: EntryKey,
     /// The mesh and where its records are entered.
-    pub(crate) record: Key,
+    pub(crate) record: EntryKey,
 }
 
-impl Item {
+impl PendingItem {
     /// A whole chunk instance.
-    pub(crate) fn of_chunk(chunk: Key) -> Self {
+    pub(crate) fn of_chunk(chunk: EntryKey) -> Self {
         Self { chunk, record: (0.0, NO_MESH) }
     }
 
@@ -43,35 +43,35 @@ impl Item {
 
 /// The list that a ray came back with.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Listed {
-    pub(crate) items: [Item; MAX],
+pub(crate) struct ListedItems {
+    pub(crate) items: [PendingItem; MAX],
     pub(crate) count: usize,
     /// What is behind the last item is to be visited.
     pub(crate) more: bool,
 }
 
-impl Listed {
+impl ListedItems {
     /// The items of a ray of these flags.
-    pub(crate) fn new(flags: u32, items: [Item; MAX]) -> Self {
+    pub(crate) fn new(flags: u32, items: [PendingItem; MAX]) -> Self {
         Self { items, count: (waiting_count(flags) as usize).min(MAX), more: false }
     }
 
-    pub(crate) fn items(&self) -> &[Item] {
+    pub(crate) fn items(&self) -> &[PendingItem] {
         &self.items[..self.count]
     }
 
     /// Those of a chunk instance.
-    pub(crate) fn of_chunk(&self, chunk_instance: u32) -> impl Iterator<Item = &Item> {
+    pub(crate) fn of_chunk(&self, chunk_instance: u32) -> impl Iterator<Item = &PendingItem> {
         self.items().iter().filter(move |item| item.chunk.1 == chunk_instance)
     }
 
     /// Whether a chunk instance that is not listed is to be visited.
-    pub(crate) fn has_chunk_due(&self, chunk: Key) -> bool {
+    pub(crate) fn has_chunk_due(&self, chunk: EntryKey) -> bool {
         !self.more || self.items().last().is_none_or(|last| before(last.chunk, chunk))
     }
 
     /// Whether records of a chunk instance of which items are listed are still to be visited.
-    pub(crate) fn is_due(&self, item: &Item) -> bool {
+    pub(crate) fn is_due(&self, item: &PendingItem) -> bool {
         let is_behind = self.more && self.items().last().is_some_and(|last| last.is_before(item));
         is_behind || self.items().contains(item)
     }
@@ -79,25 +79,25 @@ impl Listed {
 
 /// See the module.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Pending {
-    items: [Item; MAX],
+pub(crate) struct PendingList {
+    items: [PendingItem; MAX],
     count: usize,
     /// There are others, behind all of the list.
     pub(crate) more: bool,
 }
 
-impl Pending {
+impl PendingList {
     pub(crate) fn clear(&mut self) {
         (self.count, self.more) = (0, false);
     }
 
     /// Those of the list, in order.
-    pub(crate) fn items(&self) -> &[Item] {
+    pub(crate) fn items(&self) -> &[PendingItem] {
         &self.items[..self.count]
     }
 
     /// Notes an item, once; of more than four the first stay.
-    pub(crate) fn remember(&mut self, item: Item) {
+    pub(crate) fn remember(&mut self, item: PendingItem) {
         let at = self.items().iter().position(|other| !other.is_before(&item)).unwrap_or(self.count);
         if self.items().get(at) == Some(&item) {
             return;
@@ -140,21 +140,21 @@ impl Pending {
 mod tests {
     use super::*;
 
-    fn item(chunk: Key, record: Key) -> Item {
-        Item { chunk, record }
+    fn item(chunk: EntryKey, record: EntryKey) -> PendingItem {
+        PendingItem { chunk, record }
     }
 
-    fn pending(items: &[Item]) -> Pending {
-        let mut pending = Pending::default();
+    fn pending(items: &[PendingItem]) -> PendingList {
+        let mut pending = PendingList::default();
         items.iter().for_each(|item| pending.remember(*item));
         pending
     }
 
-    const FIRST: Item = Item { chunk: (1.0, 7), record: (5.0, 2) };
-    const SECOND: Item = Item { chunk: (1.0, 7), record: (6.0, 1) };
-    const THIRD: Item = Item { chunk: (2.0, 3), record: (2.0, 9) };
-    const FOURTH: Item = Item { chunk: (3.0, 1), record: (0.0, NO_MESH) };
-    const FIFTH: Item = Item { chunk: (3.0, 2), record: (3.0, 0) };
+    const FIRST: PendingItem = PendingItem { chunk: (1.0, 7), record: (5.0, 2) };
+    const SECOND: PendingItem = PendingItem { chunk: (1.0, 7), record: (6.0, 1) };
+    const THIRD: PendingItem = PendingItem { chunk: (2.0, 3), record: (2.0, 9) };
+    const FOURTH: PendingItem = PendingItem { chunk: (3.0, 1), record: (0.0, NO_MESH) };
+    const FIFTH: PendingItem = PendingItem { chunk: (3.0, 2), record: (3.0, 0) };
 
     #[test]
     fn the_first_four_items_stay_in_order() {
@@ -187,9 +187,9 @@ mod tests {
 
     #[test]
     fn a_ray_comes_back_to_what_is_listed_and_to_what_is_behind() {
-        let items = [FIRST, THIRD, Item::default(), Item::default()];
+        let items = [FIRST, THIRD, PendingItem::default(), PendingItem::default()];
         let flags = pack_waiting(2, true);
-        let listed = |more: bool| Listed { more, ..Listed::new(flags, items) };
+        let listed = |more: bool| ListedItems { more, ..ListedItems::new(flags, items) };
         for more in [false, true] {
             assert!(listed(more).is_due(&FIRST) && !listed(more).is_due(&SECOND), "the second one is done");
             assert_eq!(listed(more).is_due(&item((2.0, 3), (2.0, 10))), more, "behind the last");

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The triangles of a mesh at a time of the shutter: geometry/pose.glsl, operation by operation. Pure, any thread.
 
-use crate::scene::Scene;
+use crate::scene::TraversalScene;
 use crate::vector::V3;
-use oocpt_abi::{Features, GpuMesh, GpuPoint, GpuTriangle, Leaf, MESH_KEYS_SHIFT, MeshFlags};
+use oocpt_abi::{Features, GpuMesh, GpuPoint, GpuTriangle, LeafType, MESH_KEYS_SHIFT, MeshFlags};
 use oocpt_gpu::{HostBytes, HostSpan};
 
 /// The arrays of the two keys that a time is between.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Pose<'v> {
+pub(crate) struct MeshPose<'v> {
     pub(crate) triangles: HostBytes<'v>,
     later: HostBytes<'v>,
     /// Of the way from one to the other.
@@ -21,7 +21,7 @@ pub(crate) struct Pose<'v> {
     radius_stride: usize,
 }
 
-impl<'v> Pose<'v> {
+impl<'v> MeshPose<'v> {
     pub(crate) const NONE: Self = Self {
         triangles: HostBytes::NONE,
         later: HostBytes::NONE,
@@ -67,11 +67,11 @@ impl<'v> Pose<'v> {
     }
 }
 
-impl<'v> Scene<'v> {
+impl<'v> TraversalScene<'v> {
     /// The triangles of a mesh at a time. `near`: where items were found last.
     #[inline(always)]
-    pub(crate) fn pose_of(&self, mesh: &GpuMesh, time: f32, near: &mut HostSpan<'v>) -> Pose<'v> {
-        let still = Pose { triangles: self.view.bytes_near(mesh.triangles, near), ..Pose::NONE };
+    pub(crate) fn pose_of(&self, mesh: &GpuMesh, time: f32, near: &mut HostSpan<'v>) -> MeshPose<'v> {
+        let still = MeshPose { triangles: self.view.bytes_near(mesh.triangles, near), ..MeshPose::NONE };
         if self.special.features.intersects(Features::POINTS | Features::DEFORMATION) {
             return self.pose_of_others(mesh, time, still);
         }
@@ -79,9 +79,9 @@ impl<'v> Scene<'v> {
     }
 
     #[inline(never)]
-    fn pose_of_others(&self, mesh: &GpuMesh, time: f32, mut still: Pose<'v>) -> Pose<'v> {
+    fn pose_of_others(&self, mesh: &GpuMesh, time: f32, mut still: MeshPose<'v>) -> MeshPose<'v> {
         let keys = (mesh.flags >> MESH_KEYS_SHIFT) & 31;
-        still.of_points = self.has(Features::POINTS) && Leaf::number_of(mesh.flags) == Leaf::POINT.number;
+        still.of_points = self.has(Features::POINTS) && LeafType::number_of(mesh.flags) == LeafType::POINT.number;
         let item_bytes = if still.of_points { size_of::<GpuPoint>() } else { size_of::<GpuTriangle>() };
         let stride = u64::from(mesh.triangle_count) * item_bytes as u64;
         let mut radii = 0;
@@ -107,6 +107,6 @@ impl<'v> Scene<'v> {
             still.radii = self.view.bytes(radii.wrapping_add(u64::from(4 * key)));
         }
         let later = self.view.bytes(from.wrapping_add(stride));
-        Pose { triangles: self.view.bytes(from), later, part, moves: true, ..still }
+        MeshPose { triangles: self.view.bytes(from), later, part, moves: true, ..still }
     }
 }

@@ -3,11 +3,11 @@
 //! thread.
 
 use crate::leaf;
-use crate::opacity_mask::{Place, coverage_at};
-use crate::scene::Scene;
-use crate::texture::Lookup;
+use crate::opacity_mask::{MaskCandidate, coverage_at};
+use crate::scene::TraversalScene;
+use crate::texture::TextureLookup;
 use crate::vector::V3;
-use crate::walk::Walk;
+use crate::walk::RayTraversal;
 use oocpt_abi::{
     Features, GpuCutout, GpuInput, GpuMaterial, GpuPrim, INPUT_CHANNEL_SHIFT, INPUT_NO_SET, INPUT_PRIMVAR,
     INPUT_SET_SHIFT, INPUT_TEXTURE, MAX_PRIM_ID, MESH_LEAF_MASK, MaterialInput, NO_MATERIAL, SLOT_PRESENCE,
@@ -17,10 +17,10 @@ use std::mem::offset_of;
 
 /// Where the opacity comes from.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum Opacity {
+pub(crate) enum OpacitySource {
     Value(f32),
     Texel {
-        lookup: Lookup,
+        lookup: TextureLookup,
         scale: f32,
         bias: f32,
     },
@@ -30,8 +30,8 @@ pub(crate) enum Opacity {
 
 /// What to ask.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Presence {
-    pub(crate) opacity: Opacity,
+pub(crate) struct AlphaTest {
+    pub(crate) opacity: OpacitySource,
     /// 0: the opacity is a probability.
     pub(crate) threshold: f32,
 }
@@ -43,7 +43,7 @@ macro_rules! member {
     };
 }
 
-impl Scene<'_> {
+impl TraversalScene<'_> {
     /// The word of a surface's slot (`material_slot`).
     pub(crate) fn material_slot(&self, prim_id: i32, subset: u32) -> u32 {
         let index = prim_id.wrapping_add(1).cast_unsigned();
@@ -69,9 +69,9 @@ impl Scene<'_> {
     }
 }
 
-impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
+impl<const ANY_HIT: bool> RayTraversal<'_, '_, ANY_HIT> {
     /// What the material of a candidate asks; none where it does not.
-    pub(crate) fn presence(&self, triangle: u32, subset_and_sides: u32, t: f32, uv: [f32; 2]) -> Option<Presence> {
+    pub(crate) fn presence(&self, triangle: u32, subset_and_sides: u32, t: f32, uv: [f32; 2]) -> Option<AlphaTest> {
         let scene = self.scene;
         let slot = scene.material_slot(self.instance.prim_id, subset_and_sides & SUBSET_MASK);
         if slot == NO_MATERIAL || slot & SLOT_PRESENCE == 0 {
@@ -88,18 +88,18 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
                 let names: [u32; 4] = member!(scene, material, names)?;
                 let name = names[2 + (set as usize & 1)];
                 let own = self.mesh_primvar(name, triangle).map(|corners| corners.at(uv));
-                Opacity::Value(own.or_else(|| self.instance_primvar(name)).map_or(value, |found| found[0]))
+                OpacitySource::Value(own.or_else(|| self.instance_primvar(name)).map_or(value, |found| found[0]))
             }
             // Without images there is nothing to read: opaque.
-            INPUT_TEXTURE if !scene.has(Features::TEXTURES) => Opacity::Value(1.0),
+            INPUT_TEXTURE if !scene.has(Features::TEXTURES) => OpacitySource::Value(1.0),
             INPUT_TEXTURE => self.texel(material, &input, triangle, t, uv)?,
-            _ => Opacity::Value(value),
+            _ => OpacitySource::Value(value),
         };
-        Some(Presence { opacity, threshold })
+        Some(AlphaTest { opacity, threshold })
     }
 
     /// Which texel is the opacity of a candidate, or what the mask says: of the finest level, however wide the ray is.
-    fn texel(&self, material: u32, input: &GpuInput, triangle: u32, t: f32, uv: [f32; 2]) -> Option<Opacity> {
+    fn texel(&self, material: u32, input: &GpuInput, triangle: u32, t: f32, uv: [f32; 2]) -> Option<OpacitySource> {
         let scene = self.scene;
         let set = (input.kind >> INPUT_SET_SHIFT) & 3;
         // A shadow ray starts as wide as its surface was seen and stays so.
@@ -115,9 +115,9 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
                 let [x, y, ..] = corners.at(uv);
                 st = [x, y];
                 let edges = self.edges(triangle)?;
-                let place = Place { corners: &corners, uv, edges, direction: d, cone };
+                let place = MaskCandidate { corners: &corners, uv, edges, direction: d, cone };
                 if let Some(coverage) = cutout.and_then(|cutout| coverage_at(scene.view, &cutout, &place)) {
-                    return Some(Opacity::Covered(coverage));
+                    return Some(OpacitySource::Covered(coverage));
                 }
             } else if let Some([x, y, ..]) = self.instance_primvar(names[set]) {
                 st = [x, y];
@@ -129,9 +129,9 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
         let channel = ((input.kind >> INPUT_CHANNEL_SHIFT) & 7).saturating_sub(1);
         let map = [input.row_s, input.row_t];
         let st = map.map(|row| row[0] * st[0] + row[1] * st[1] + row[2]);
-        let lookup = Lookup { texture: input.texture, st, width: 0.0, channel };
+        let lookup = TextureLookup { texture: input.texture, st, width: 0.0, channel };
         let at = channel as usize & 3;
-        Some(Opacity::Texel { lookup, scale: input.value[at], bias: input.bias[at] })
+        Some(OpacitySource::Texel { lookup, scale: input.value[at], bias: input.bias[at] })
     }
 
     /// `item_edges`.

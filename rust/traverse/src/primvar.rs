@@ -2,13 +2,13 @@
 //! Primvars of meshes and of instances: `geometry/attribute.glsl`, `surface_material.glsl`, `instance_primvars.glsl`.
 //! Any thread.
 
-use crate::scene::Scene;
-use crate::walk::Walk;
+use crate::scene::TraversalScene;
+use crate::walk::RayTraversal;
 use oocpt_abi::{AttributeRate, Features, GpuAttribute, GpuInstance, NO_NAME, NO_ROW, NO_VALUE, TARGET_ASSEMBLY};
 use oocpt_gpu::HostBytes;
 
 /// As the shaders keep all of them, however wide.
-pub(crate) type Value = [f32; 4];
+pub(crate) type PrimvarValue = [f32; 4];
 
 /// Which three values a triangle has; all the same for a rate without corners.
 pub(crate) fn indices(corners: HostBytes<'_>, rate: u32, triangle: u32) -> Option<[u32; 3]> {
@@ -24,7 +24,7 @@ pub(crate) fn indices(corners: HostBytes<'_>, rate: u32, triangle: u32) -> Optio
 }
 
 /// `primvar_at`: value `index`, of `width` floats.
-fn value_at(values: HostBytes<'_>, index: u32, width: u32) -> Option<Value> {
+fn value_at(values: HostBytes<'_>, index: u32, width: u32) -> Option<PrimvarValue> {
     let at = (index as usize).checked_mul(width as usize)?.checked_mul(size_of::<f32>())?;
     match width {
         1 => values.at_byte(at).map(|v: f32| [v; 4]),
@@ -36,11 +36,11 @@ fn value_at(values: HostBytes<'_>, index: u32, width: u32) -> Option<Value> {
 
 /// The values of a primvar at the corners of a triangle.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Corners([Value; 3]);
+pub(crate) struct TriangleCorners([PrimvarValue; 3]);
 
-impl Corners {
+impl TriangleCorners {
     /// `primvar_value`.
-    pub(crate) fn at(&self, [u, v]: [f32; 2]) -> Value {
+    pub(crate) fn at(&self, [u, v]: [f32; 2]) -> PrimvarValue {
         let Self([a, b, c]) = *self;
         if a == b && b == c {
             return a;
@@ -61,9 +61,9 @@ impl Corners {
     }
 }
 
-impl Scene<'_> {
+impl TraversalScene<'_> {
     /// `take_value`: the value that `row` of a table of instance values has for a primvar, if it has one.
-    fn row_value(&self, table: u64, row: u32, name: u32) -> Option<Value> {
+    fn row_value(&self, table: u64, row: u32, name: u32) -> Option<PrimvarValue> {
         let attributes = self.view.bytes(table);
         let mut value = None;
         for index in 0_usize.. {
@@ -85,9 +85,9 @@ impl Scene<'_> {
     }
 }
 
-impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
+impl<const ANY_HIT: bool> RayTraversal<'_, '_, ANY_HIT> {
     /// The values of the mesh's own primvar of this name (`find_primvar`, `primvar_corners`).
-    pub(crate) fn mesh_primvar(&self, name: u32, triangle: u32) -> Option<Corners> {
+    pub(crate) fn mesh_primvar(&self, name: u32, triangle: u32) -> Option<TriangleCorners> {
         if name == NO_NAME {
             return None;
         }
@@ -99,11 +99,11 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
         let [i, j, k] = indices(corners, attribute.rate_and_width & 3, triangle).unwrap_or_default();
         let at = |index| value_at(values, index, attribute.rate_and_width >> 8).unwrap_or_default();
         let a = at(i);
-        Some(Corners(if i == j && j == k { [a; 3] } else { [a, at(j), at(k)] }))
+        Some(TriangleCorners(if i == j && j == k { [a; 3] } else { [a, at(j), at(k)] }))
     }
 
     /// `instance_primvar`: that of the innermost level that has one.
-    pub(crate) fn instance_primvar(&self, name: u32) -> Option<Value> {
+    pub(crate) fn instance_primvar(&self, name: u32) -> Option<PrimvarValue> {
         let scene = self.scene;
         if !scene.has(Features::INSTANCE_PRIMVARS) || name == NO_NAME {
             return None;

@@ -1,21 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
 //! What the trace passes read, resolved once for a pass: addresses become bytes with bounds. Any thread.
 
-use crate::{Special, TraceError};
+use crate::{TraceError, TraversalConstants};
 use oocpt_abi::{
-    Features, Frame, GpuAssembly, GpuChunk, GpuChunkInstance, GpuInstance, GpuMesh, Lighting, Push, PushFlags,
-    Streaming,
+    Features, FrameConstants, GpuAssembly, GpuChunk, GpuChunkInstance, GpuInstance, GpuMesh, LightTablePointers,
+    PushConstants, PushFlags, StreamingPointers,
 };
 use oocpt_gpu::{HostBytes, HostView};
 
 /// See the module.
 #[derive(Debug)]
-pub(crate) struct Scene<'v> {
+pub(crate) struct TraversalScene<'v> {
     pub(crate) view: &'v HostView,
-    pub(crate) special: Special,
-    pub(crate) push: Push,
-    pub(crate) frame: Frame,
-    pub(crate) streaming: Streaming,
+    pub(crate) special: TraversalConstants,
+    pub(crate) push: PushConstants,
+    pub(crate) frame: FrameConstants,
+    pub(crate) streaming: StreamingPointers,
     pub(crate) top_nodes: HostBytes<'v>,
     chunk_instances: HostBytes<'v>,
     chunks: HostBytes<'v>,
@@ -27,32 +27,37 @@ pub(crate) struct Scene<'v> {
     pub(crate) textures: HostBytes<'v>,
     pub(crate) texture_pages: HostBytes<'v>,
     pub(crate) cones: HostBytes<'v>,
-    links: Option<Links<'v>>,
+    links: Option<LightLinks<'v>>,
 }
 
 /// Which prims are in the way of which shadow rays.
 #[derive(Debug)]
-struct Links<'v> {
+struct LightLinks<'v> {
     bits: HostBytes<'v>,
     sets: HostBytes<'v>,
     words: u32,
     prims: u32,
 }
 
-impl<'v> Scene<'v> {
+impl<'v> TraversalScene<'v> {
     /// The scene of the frame block that `push` names.
-    pub(crate) fn new(view: &'v HostView, push: Push, special: Special) -> Result<Self, TraceError> {
+    pub(crate) fn new(
+        view: &'v HostView,
+        push: PushConstants,
+        special: TraversalConstants,
+    ) -> Result<Self, TraceError> {
         let missing = |what| TraceError::NoMemory { what };
-        let frame: Frame = view.bytes(push.frame).get(0).ok_or_else(|| missing("the frame block"))?;
-        let mut streaming = Streaming::default();
+        let frame: FrameConstants = view.bytes(push.frame).get(0).ok_or_else(|| missing("the frame block"))?;
+        let mut streaming = StreamingPointers::default();
         if special.features.contains(Features::STREAMING) {
             streaming = view.bytes(frame.streaming).get(0).ok_or_else(|| missing("the streaming block"))?;
         }
         let mut links = None;
         if special.features.contains(Features::LIGHT_LINKS) {
-            let lighting: Lighting = view.bytes(frame.lighting).get(0).ok_or_else(|| missing("the light table"))?;
+            let lighting: LightTablePointers =
+                view.bytes(frame.lighting).get(0).ok_or_else(|| missing("the light table"))?;
             let (bits, sets) = (view.bytes(lighting.link_bits), view.bytes(lighting.prim_sets));
-            links = Some(Links { bits, sets, words: lighting.link_words, prims: lighting.prim_count });
+            links = Some(LightLinks { bits, sets, words: lighting.link_words, prims: lighting.prim_count });
         }
         Ok(Self {
             view,

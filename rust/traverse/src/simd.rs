@@ -7,7 +7,7 @@
 mod avx2;
 
 #[cfg(target_arch = "x86_64")]
-pub(crate) use avx2::Avx2;
+pub(crate) use avx2::Avx2Simd;
 
 use crate::node::{BoxRay, EnteredChildren, MeshChildren};
 use crate::vector::{V3, dot3, safe_reciprocal};
@@ -16,11 +16,11 @@ use oocpt_abi::{ABSENT, Bvh4Node, LevelNode, SLAB_PAD};
 use std::fmt::Debug;
 
 /// What every node begins with: `origin` and `cell`, the lower planes, the upper planes, and two numbers of its own.
-pub(crate) type Grid = [[u32; 4]; 3];
+pub(crate) type NodeGrid = [[u32; 4]; 3];
 
 /// Two functions of three numbers, a number for each corner.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Edges {
+pub(crate) struct EdgeFunctions {
     /// The edge functions opposite to the corners.
     pub(crate) w: [f32; 3],
     /// Some are below zero, and some above it.
@@ -34,7 +34,7 @@ pub(crate) trait Simd: Copy + Debug + Send + Sync {
 
     /// The children of a box grid that the ray enters before `limit`, which is no NaN, as if all four were there;
     /// `entry` is where it enters the node.
-    fn meet(self, grid: &Grid, ray: &BoxRay, limit: f32, entry: f32) -> EnteredChildren;
+    fn meet(self, grid: &NodeGrid, ray: &BoxRay, limit: f32, entry: f32) -> EnteredChildren;
 
     /// A bit for each child of a level's node that there is.
     fn there(self, children: &[u32; 4]) -> u32;
@@ -61,14 +61,14 @@ pub(crate) trait Simd: Copy + Debug + Send + Sync {
 
     /// The edge functions of a triangle as seen from `o`, in the plane whose two axes these rows give. Each corner has
     /// a fourth number, which is nothing.
-    fn edges(self, corners: &[[f32; 4]; 3], o: V3, plane: [V3; 2]) -> Edges;
+    fn edges(self, corners: &[[f32; 4]; 3], o: V3, plane: [V3; 2]) -> EdgeFunctions;
 }
 
 /// What every processor has.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Portable;
+pub(crate) struct PortableSimd;
 
-impl Simd for Portable {
+impl Simd for PortableSimd {
     #[inline(always)]
     fn vectorize<O: pulp::NullaryFnOnce>(self, op: O) -> O::Output {
         op.call()
@@ -84,7 +84,7 @@ impl Simd for Portable {
     }
 
     #[inline(always)]
-    fn meet(self, grid: &Grid, ray: &BoxRay, limit: f32, entry: f32) -> EnteredChildren {
+    fn meet(self, grid: &NodeGrid, ray: &BoxRay, limit: f32, entry: f32) -> EnteredChildren {
         let [x, y, z, cell, planes @ ..]: [u32; 12] = cast(*grid);
         let (origin, cell) = ([x, y, z], cell.to_le_bytes());
         // Comparisons that keep what is there where the other is NaN: what min and max of the shaders do.
@@ -123,12 +123,12 @@ impl Simd for Portable {
     }
 
     #[inline(always)]
-    fn edges(self, corners: &[[f32; 4]; 3], o: V3, plane: [V3; 2]) -> Edges {
+    fn edges(self, corners: &[[f32; 4]; 3], o: V3, plane: [V3; 2]) -> EdgeFunctions {
         let [p, q, r] = corners.map(|[x, y, z, _]| plane.map(|axis| dot3(axis, V3([x, y, z]) - o)));
         let edge = |p: [f32; 2], q: [f32; 2]| p[0] * q[1] - p[1] * q[0];
         let w = [edge(q, r), edge(r, p), edge(p, q)];
         let is_outside = w.iter().any(|&w| w < 0.0) && w.iter().any(|&w| w > 0.0);
-        Edges { w, is_outside }
+        EdgeFunctions { w, is_outside }
     }
 }
 
@@ -186,9 +186,9 @@ mod tests {
         a.to_bits() == b.to_bits() || (a.is_nan() && b.is_nan())
     }
 
-    fn each(test: impl Fn(Avx2, &mut Numbers, bool)) {
+    fn each(test: impl Fn(Avx2Simd, &mut Numbers, bool)) {
         // A processor without it has nothing to compare.
-        let Some(avx2) = Avx2::try_new() else { return };
+        let Some(avx2) = Avx2Simd::try_new() else { return };
         let mut numbers = Numbers(7);
         for case in 0..200_000 {
             test(avx2, &mut numbers, case % 2 == 0);
@@ -201,7 +201,7 @@ mod tests {
         each(|avx2, numbers, is_odd| {
             let (o, d) = (numbers.vector(is_odd), numbers.vector(is_odd));
             let pad = if is_odd { numbers.any() } else { 1.0e-5 };
-            let (portable, wide) = (Portable.box_ray(o, d, pad), avx2.box_ray(o, d, pad));
+            let (portable, wide) = (PortableSimd.box_ray(o, d, pad), avx2.box_ray(o, d, pad));
             for axis in 0..3 {
                 assert!(same(portable.o[axis], wide.o[axis]), "{o:?}");
                 assert!(same(portable.reciprocal[axis], wide.reciprocal[axis]), "{d:?}");
@@ -220,7 +220,7 @@ mod tests {
             let limit = numbers.any().abs();
             let limit = if limit.is_nan() { f32::INFINITY } else { limit };
             let entry = if is_odd { 0.0 } else { numbers.ordinary().abs() };
-            let (a, b) = (Portable.meet(&grid, &portable, limit, entry), avx2.meet(&grid, &wide, limit, entry));
+            let (a, b) = (PortableSimd.meet(&grid, &portable, limit, entry), avx2.meet(&grid, &wide, limit, entry));
             assert_eq!(a.mask, b.mask, "{grid:?} {o:?} {d:?} {limit}");
             met.set(met.get() + a.mask.count_ones());
             passed.set(passed.get() + a.mask.count_zeros() - 28);
@@ -228,9 +228,9 @@ mod tests {
                 assert!(same(a.entries[lane], b.entries[lane]), "{grid:?} {o:?} {d:?}: {a:?} {b:?}");
             }
             let children = [(); 4].map(|()| if numbers.bits() % 2 == 0 { ABSENT } else { numbers.bits() });
-            assert_eq!(Portable.there(&children) & 15, avx2.there(&children) & 15, "{children:?}");
+            assert_eq!(PortableSimd.there(&children) & 15, avx2.there(&children) & 15, "{children:?}");
         });
-        assert!(Avx2::try_new().is_none() || (met.get() > 20_000 && passed.get() > 20_000), "{met:?} {passed:?}");
+        assert!(Avx2Simd::try_new().is_none() || (met.get() > 20_000 && passed.get() > 20_000), "{met:?} {passed:?}");
     }
 
     #[test]
@@ -243,11 +243,11 @@ mod tests {
                 let V3([x, y, z]) = numbers.vector(is_odd);
                 [x, y, z, f32::from_bits(numbers.bits())]
             });
-            let (a, b) = (Portable.edges(&corners, o, plane), avx2.edges(&corners, o, plane));
+            let (a, b) = (PortableSimd.edges(&corners, o, plane), avx2.edges(&corners, o, plane));
             assert_eq!(a.is_outside, b.is_outside, "{corners:?} {o:?} {plane:?}");
             assert!(a.w.iter().zip(b.w).all(|(&a, b)| same(a, b)), "{corners:?} {o:?} {plane:?}: {a:?} {b:?}");
             inside.set(inside.get() + u32::from(!is_odd && !a.is_outside));
         });
-        assert!(Avx2::try_new().is_none() || inside.get() > 1000, "{inside:?}");
+        assert!(Avx2Simd::try_new().is_none() || inside.get() > 1000, "{inside:?}");
     }
 }

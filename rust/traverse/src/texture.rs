@@ -3,7 +3,7 @@
 //! pictures whose channel goes through the sRGB curve, which is the device's own function: scenes with such cutouts are
 //! left to the shaders ([`crate::unsupported`]). Any thread.
 
-use crate::scene::Scene;
+use crate::scene::TraversalScene;
 use half::f16;
 use oocpt_abi::{
     Features, GpuTexture, PAGE_BROKEN, TAIL_SIDE, TEXTURE_BORDER, TEXTURE_CHANNELS, TEXTURE_F16, TEXTURE_FORMAT_SHIFT,
@@ -24,7 +24,7 @@ macro_rules! feedback {
 
 /// What to look up.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Lookup {
+pub(crate) struct TextureLookup {
     pub(crate) texture: u32,
     pub(crate) st: [f32; 2],
     /// Of the filter, in texels.
@@ -34,7 +34,7 @@ pub(crate) struct Lookup {
 
 /// What a lookup gives.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Looked {
+pub(crate) enum LookupResult {
     Texel(f32),
     /// There is no image, or none that could be read; with `TEXTURE_BORDER` that is a texel.
     Fallback(f32),
@@ -47,14 +47,14 @@ pub(crate) enum Looked {
 }
 
 /// A texture, or a part of a UDIM set, and the place in it.
-enum Part {
+enum UdimPart {
     Found(GpuTexture, [f32; 2]),
     /// The set has none there.
     Missing(GpuTexture),
 }
 
 /// `TextureLevel`.
-struct Level {
+struct MipLevel {
     size: [u32; 2],
     page: u32,
     /// Bytes of a tile before its texels.
@@ -62,7 +62,7 @@ struct Level {
     in_tail: bool,
 }
 
-impl Level {
+impl MipLevel {
     fn new(t: &GpuTexture, level: u32) -> Self {
         let texel_bytes = (t.flags & TEXTURE_CHANNELS) << format_of(t);
         let (mut page, mut offset) = (t.first_page, 0_u32);
@@ -101,9 +101,9 @@ fn fallback_value(t: &GpuTexture, channel: u32) -> f32 {
 }
 
 /// What a texture gives that has no texels.
-fn fallback_of(t: &GpuTexture, channel: u32) -> Looked {
+fn fallback_of(t: &GpuTexture, channel: u32) -> LookupResult {
     let value = fallback_value(t, channel);
-    if has_border(t) { Looked::Texel(value) } else { Looked::Fallback(value) }
+    if has_border(t) { LookupResult::Texel(value) } else { LookupResult::Fallback(value) }
 }
 
 /// `near_image`.
@@ -172,31 +172,31 @@ fn byte_to_unit(byte: u8) -> f32 {
     v * (257.0 / 65536.0) + v * 5.983_839e-8
 }
 
-impl Scene<'_> {
+impl TraversalScene<'_> {
     /// `texture_part`.
-    fn texture_part(&self, texture: u32, st: [f32; 2]) -> Option<Part> {
+    fn texture_part(&self, texture: u32, st: [f32; 2]) -> Option<UdimPart> {
         let t: GpuTexture = self.textures.get(texture as usize)?;
         if t.flags & TEXTURE_UDIM == 0 {
-            return Some(Part::Found(t, st));
+            return Some(UdimPart::Found(t, st));
         }
         let part = st.map(f32::floor);
         if !part.iter().all(|at| (0.0..10.0).contains(at)) {
-            return Some(Part::Missing(t));
+            return Some(UdimPart::Missing(t));
         }
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 9")]
         let number = part[0] as u32 + 10 * part[1] as u32;
         let found = self.textures.get(t.first_page.wrapping_add(number) as usize)?;
-        Some(Part::Found(found, [st[0] - part[0], st[1] - part[1]]))
+        Some(UdimPart::Found(found, [st[0] - part[0], st[1] - part[1]]))
     }
 
     /// `continue_lookup` from its begin; in core `requested_lookup`, which goes on without what is absent.
-    pub(crate) fn look_up(&self, path: u32, lookup: &Lookup) -> Looked {
-        let Lookup { texture, st, width, channel } = *lookup;
+    pub(crate) fn look_up(&self, path: u32, lookup: &TextureLookup) -> LookupResult {
+        let TextureLookup { texture, st, width, channel } = *lookup;
         // Where the tables have no such texture, all is there.
-        let Some(part) = self.texture_part(texture, st) else { return Looked::Fallback(1.0) };
+        let Some(part) = self.texture_part(texture, st) else { return LookupResult::Fallback(1.0) };
         let (t, st) = match part {
-            Part::Found(t, st) if t.levels > 0 => (t, st),
-            Part::Found(t, _) | Part::Missing(t) => return fallback_of(&t, channel),
+            UdimPart::Found(t, st) if t.levels > 0 => (t, st),
+            UdimPart::Found(t, _) | UdimPart::Missing(t) => return fallback_of(&t, channel),
         };
         let is_streaming = self.has(Features::STREAMING);
         let wraps = wraps_of(&t);
@@ -210,7 +210,7 @@ impl Scene<'_> {
             if level_share == 0.0 {
                 continue;
             }
-            let level = Level::new(&t, finer + i);
+            let level = MipLevel::new(&t, finer + i);
             let (x, share_x) = texel_place(st[0], level.size[0]);
             let (y, share_y) = texel_place(st[1], level.size[1]);
             for k in 0..4 {
@@ -232,7 +232,7 @@ impl Scene<'_> {
                     if wanted != page {
                         let address = self.texture_pages.get::<u64>(wanted as usize).unwrap_or(PAGE_BROKEN);
                         if address == 0 && is_streaming {
-                            return Looked::Waits { page: wanted, taps: 4 * i + k, mean };
+                            return LookupResult::Waits { page: wanted, taps: 4 * i + k, mean };
                         }
                         if address == 0 {
                             self.request_tile(path, wanted);
@@ -250,7 +250,7 @@ impl Scene<'_> {
                 mean = if is_first { texel } else { (texel - mean) * (weight / total) + mean };
             }
         }
-        Looked::Texel(mean)
+        LookupResult::Texel(mean)
     }
 
     /// A channel of `decode_texel`; 0 where there is no memory.

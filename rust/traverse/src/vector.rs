@@ -94,16 +94,16 @@ pub(crate) fn triangle_normal(v0: V3, v1: V3, v2: V3) -> V3 {
 }
 
 /// Rows of an affine map, as they lie in memory.
-pub(crate) type Rows = [[f32; 4]; 3];
+pub(crate) type AffineRows = [[f32; 4]; 3];
 
 #[inline(always)]
-pub(crate) fn apply_point(m: &Rows, p: V3) -> V3 {
+pub(crate) fn apply_point(m: &AffineRows, p: V3) -> V3 {
     let row = |r: [f32; 4]| r[0] * p[0] + (r[1] * p[1] + (r[2] * p[2] + r[3]));
     V3([row(m[0]), row(m[1]), row(m[2])])
 }
 
 #[inline(always)]
-pub(crate) fn apply_vector(m: &Rows, v: V3) -> V3 {
+pub(crate) fn apply_vector(m: &AffineRows, v: V3) -> V3 {
     let row = |r: [f32; 4]| r[0] * v[0] + (r[1] * v[1] + r[2] * v[2]);
     V3([row(m[0]), row(m[1]), row(m[2])])
 }

@@ -12,16 +12,16 @@ mod mesh;
 mod stack;
 
 use crate::asking::CutoutQuestions;
-use crate::leaf::triangle::Shear;
+use crate::leaf::triangle::RayShear;
 use crate::node::{BoxRay, NUMBER};
-use crate::pending::{Item, Listed, Pending};
-use crate::pose::Pose;
-use crate::scene::Scene;
+use crate::pending::{ListedItems, PendingItem, PendingList};
+use crate::pose::MeshPose;
+use crate::scene::TraversalScene;
 use crate::simd::Simd;
 use crate::vector::V3;
-pub(crate) use crate::walk::leaves::Surface;
+pub(crate) use crate::walk::leaves::CandidateSurface;
 use crate::walk::mesh::triangles_of;
-use crate::walk::stack::{Key, Stack};
+use crate::walk::stack::{StackKey, TraversalStack};
 use oocpt_abi::{
     Bvh4Node, CULL_PAD, DONE, Features, GpuInstance, GpuMesh, GpuPoint, GpuTriangle, LEAF, LISTED, LevelNode,
     MAX_LEVELS, RETURN, RayFlags,
@@ -58,7 +58,7 @@ pub(crate) struct WorldRay {
 
 /// The closest hit so far.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Found {
+pub(crate) struct ClosestHit {
     pub(crate) t: f32,
     pub(crate) uv: [f32; 2],
     pub(crate) triangle: u32,
@@ -69,15 +69,15 @@ pub(crate) struct Found {
 
 /// A level to come back to.
 #[derive(Clone, Copy, Debug)]
-struct Level<'v> {
+struct WalkLevel<'v> {
     ray: BoxRay,
     d: V3,
     nodes: HostBytes<'v>,
     instances: HostBytes<'v>,
 }
 
-const NO_LEVEL: Level<'static> =
-    Level { ray: BoxRay::NONE, d: V3([0.0; 3]), nodes: HostBytes::NONE, instances: HostBytes::NONE };
+const NO_LEVEL: WalkLevel<'static> =
+    WalkLevel { ray: BoxRay::NONE, d: V3([0.0; 3]), nodes: HostBytes::NONE, instances: HostBytes::NONE };
 
 /// The buffers in which trees, instance records, mesh nodes and items were found last.
 #[derive(Debug)]
@@ -90,11 +90,11 @@ pub(crate) struct RecentBuffers<'v> {
 
 /// See the module. Made once for many rays.
 #[derive(Debug)]
-pub(crate) struct Walk<'s, 'v, const ANY_HIT: bool> {
-    pub(crate) scene: &'s Scene<'v>,
+pub(crate) struct RayTraversal<'s, 'v, const ANY_HIT: bool> {
+    pub(crate) scene: &'s TraversalScene<'v>,
     pub(crate) world: WorldRay,
-    pub(crate) found: Found,
-    pub(crate) pending: Pending,
+    pub(crate) found: ClosestHit,
+    pub(crate) pending: PendingList,
     pub(crate) asking: CutoutQuestions,
     pub(crate) hit: bool,
     pub(crate) hit_before: bool,
@@ -103,9 +103,9 @@ pub(crate) struct Walk<'s, 'v, const ANY_HIT: bool> {
     /// Rays that ran out of stack, levels or steps.
     pub(crate) overflows: u32,
     is_streaming: bool,
-    at: Level<'v>,
+    at: WalkLevel<'v>,
     /// What is visited next, and how many steps were taken.
-    next: Key,
+    next: StackKey,
     steps: u32,
     /// Steps before it is another ray's turn.
     turn: u32,
@@ -116,30 +116,30 @@ pub(crate) struct Walk<'s, 'v, const ANY_HIT: bool> {
     pub(crate) chunk_instance: u32,
     in_mesh: bool,
     /// What the ray came back with, and whether of the current chunk only some of it is to be visited; streaming.
-    listed: Listed,
+    listed: ListedItems,
     filters: bool,
     /// Where the walk is: the chunk instance and, in a mesh, its records; streaming.
-    pub(crate) item: Item,
+    pub(crate) item: PendingItem,
     pub(crate) mesh: GpuMesh,
     /// Its items, with what of them moves.
-    pub(crate) pose: Pose<'v>,
-    shear: Shear,
+    pub(crate) pose: MeshPose<'v>,
+    shear: RayShear,
     /// Records from the chunk to here, and the innermost one.
     pub(crate) chain: [u32; MOST_LEVELS],
     pub(crate) instance: GpuInstance,
     /// The top level, and those below.
-    levels: [Level<'v>; MOST_LEVELS + 1],
+    levels: [WalkLevel<'v>; MOST_LEVELS + 1],
     near: RecentBuffers<'v>,
-    stack: Stack,
+    stack: TraversalStack,
 }
 
-impl<'s, 'v, const ANY_HIT: bool> Walk<'s, 'v, ANY_HIT> {
-    pub(crate) fn new(scene: &'s Scene<'v>) -> Self {
+impl<'s, 'v, const ANY_HIT: bool> RayTraversal<'s, 'v, ANY_HIT> {
+    pub(crate) fn new(scene: &'s TraversalScene<'v>) -> Self {
         Self {
             scene,
             world: WorldRay::default(),
-            found: Found::default(),
-            pending: Pending::default(),
+            found: ClosestHit::default(),
+            pending: PendingList::default(),
             asking: CutoutQuestions::default(),
             hit: false,
             hit_before: false,
@@ -147,7 +147,7 @@ impl<'s, 'v, const ANY_HIT: bool> Walk<'s, 'v, ANY_HIT> {
             overflows: 0,
             is_streaming: scene.has(Features::STREAMING),
             at: NO_LEVEL,
-            next: Key::DONE,
+            next: StackKey::DONE,
             steps: 0,
             turn: if scene.special.geometry_bytes > CACHED_BYTES { 1 } else { LONG_TURN },
             entry: 0.0,
@@ -155,12 +155,12 @@ impl<'s, 'v, const ANY_HIT: bool> Walk<'s, 'v, ANY_HIT> {
             level: 0,
             chunk_instance: 0,
             in_mesh: false,
-            listed: Listed::default(),
+            listed: ListedItems::default(),
             filters: false,
-            item: Item::default(),
+            item: PendingItem::default(),
             mesh: bytemuck::Zeroable::zeroed(),
-            pose: Pose::NONE,
-            shear: Shear::default(),
+            pose: MeshPose::NONE,
+            shear: RayShear::default(),
             chain: [0; MOST_LEVELS],
             instance: bytemuck::Zeroable::zeroed(),
             levels: [NO_LEVEL; MOST_LEVELS + 1],
@@ -170,7 +170,7 @@ impl<'s, 'v, const ANY_HIT: bool> Walk<'s, 'v, ANY_HIT> {
                 mesh_nodes: HostSpan::NONE,
                 items: HostSpan::NONE,
             },
-            stack: Stack::new(scene.special.stack_size as usize),
+            stack: TraversalStack::new(scene.special.stack_size as usize),
         }
     }
 
@@ -190,14 +190,14 @@ impl<'s, 'v, const ANY_HIT: bool> Walk<'s, 'v, ANY_HIT> {
     pub(crate) fn no_walk(&mut self) {
         self.pending.clear();
         (self.hit, self.hit_before, self.visits) = (false, false, 0);
-        self.next = Key::DONE;
+        self.next = StackKey::DONE;
         self.stack.reset();
     }
 
     /// Begins the walk of a ray. With streaming one that has waited goes on: `found` is its hit so far if its flags say
     /// so, and `listed` what it waited for.
     #[inline(always)]
-    pub(crate) fn begin(&mut self, simd: impl Simd, world: WorldRay, listed: Listed) {
+    pub(crate) fn begin(&mut self, simd: impl Simd, world: WorldRay, listed: ListedItems) {
         self.world = world;
         self.hit_before = self.is_streaming && world.flags & RayFlags::HIT.bits() != 0;
         if !self.hit_before {
@@ -211,7 +211,7 @@ impl<'s, 'v, const ANY_HIT: bool> Walk<'s, 'v, ANY_HIT> {
         (self.hit, self.visits) = (false, 0);
         self.begin_top(simd);
         self.stack.reset();
-        (self.next, self.steps) = (Key::new(0, 0.0), 0);
+        (self.next, self.steps) = (StackKey::new(0, 0.0), 0);
         if self.is_streaming {
             self.pending.clear();
             (self.listed, self.filters) = (listed, false);
@@ -251,21 +251,21 @@ impl<'s, 'v, const ANY_HIT: bool> Walk<'s, 'v, ANY_HIT> {
     }
 
     /// Puts what a ray that has waited is to visit on the stack; returns where to begin.
-    fn begin_resumed(&mut self) -> Key {
-        let is_gone = |item: &Item| !item.is_whole() && !self.is_chunk_there(item.chunk.1);
+    fn begin_resumed(&mut self) -> StackKey {
+        let is_gone = |item: &PendingItem| !item.is_whole() && !self.is_chunk_there(item.chunk.1);
         if self.world.flags & RayFlags::MORE.bits() != 0 {
             // What is behind the last item begins in its chunk: it waits until that one is there again.
             self.listed.more = !self.listed.items().last().is_some_and(is_gone);
             self.pending.more = !self.listed.more;
         }
         if self.listed.more {
-            self.stack.push(Key::new(0, 0.0));
+            self.stack.push(StackKey::new(0, 0.0));
         }
         for i in (0..self.listed.count).rev() {
             let (entry, chunk_instance) = self.listed.items[i].chunk;
             let is_first = i == 0 || self.listed.items[i - 1].chunk.1 != chunk_instance;
             if is_first {
-                self.stack.push(Key::new(LEAF | LISTED | chunk_instance, entry));
+                self.stack.push(StackKey::new(LEAF | LISTED | chunk_instance, entry));
             }
         }
         self.pop()
@@ -283,7 +283,7 @@ impl<'s, 'v, const ANY_HIT: bool> Walk<'s, 'v, ANY_HIT> {
     }
 
     #[inline(always)]
-    fn pop(&mut self) -> Key {
+    fn pop(&mut self) -> StackKey {
         self.stack.pop(self.pop_limit())
     }
 

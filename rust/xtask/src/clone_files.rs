@@ -6,11 +6,11 @@ use std::process::Command;
 
 use anyhow::{Context as _, Result};
 
-use crate::places::Places;
+use crate::places::RootFolders;
 use crate::process::capture;
 
 /// Files of the clone that git knows or would take, with forward slashes, relative to the root.
-pub(crate) fn tracked_files(places: &Places) -> Result<Vec<String>> {
+pub(crate) fn tracked_files(places: &RootFolders) -> Result<Vec<String>> {
     let mut git = Command::new("git");
     git.current_dir(&places.repo).args(["ls-files", "-z", "--cached", "--others", "--exclude-standard"]);
     let listed = capture(&mut git).context("the checks need a git clone")?;
@@ -22,6 +22,6 @@ pub(crate) fn tracked_files(places: &Places) -> Result<Vec<String>> {
 }
 
 /// A file of the clone.
-pub(crate) fn path(places: &Places, file: &str) -> PathBuf {
+pub(crate) fn path(places: &RootFolders, file: &str) -> PathBuf {
     places.repo.join(file)
 }

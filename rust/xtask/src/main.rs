@@ -27,19 +27,19 @@ use std::process::{Command, ExitCode};
 use anyhow::{Context as _, Result};
 use clap::{Parser, Subcommand};
 
-use crate::host::Interpreter;
-use crate::places::Places;
+use crate::host::PythonInterpreter;
+use crate::places::RootFolders;
 use crate::process::say;
 
 #[derive(Debug, Parser)]
 #[command(name = "cargo xtask", about = "Set up, build, record, test and check OocPT", disable_help_subcommand = true)]
 struct Arguments {
     #[command(subcommand)]
-    command: Task,
+    command: XtaskCommand,
 }
 
 #[derive(Debug, Subcommand)]
-enum Task {
+enum XtaskCommand {
     /// Install system packages (as root), put together the wheel host and the Python environments
     Setup,
     /// Build the plugin for the wheel host
@@ -121,54 +121,54 @@ fn main() -> ExitCode {
     }
 }
 
-fn perform(task: Task) -> Result<()> {
-    let places = Places::from_env()?;
+fn perform(task: XtaskCommand) -> Result<()> {
+    let places = RootFolders::from_env()?;
     match task {
-        Task::Setup => set_up(&places).map(drop),
-        Task::Build => build(&places).map(drop),
-        Task::Record { arguments } => record(&places, &arguments),
-        Task::Env => print_env(&places),
-        Task::Wheel => product::pack(&places, &set_up(&places)?),
-        Task::Install { usd, prefix } => install(&places, &usd, &prefix),
-        Task::Test { filter, full } => {
+        XtaskCommand::Setup => set_up(&places).map(drop),
+        XtaskCommand::Build => build(&places).map(drop),
+        XtaskCommand::Record { arguments } => record(&places, &arguments),
+        XtaskCommand::Env => print_env(&places),
+        XtaskCommand::Wheel => product::pack(&places, &set_up(&places)?),
+        XtaskCommand::Install { usd, prefix } => install(&places, &usd, &prefix),
+        XtaskCommand::Test { filter, full } => {
             let interpreter = set_up(&places)?;
-            testing::run(&places, &interpreter, testing::Extent { filter: filter.as_deref(), full })
+            testing::run(&places, &interpreter, testing::TestExtent { filter: filter.as_deref(), full })
         }
-        Task::Check { fast } => {
-            system::prepare(system::For::Check)?;
-            check::run_all(&places, if fast { check::Depth::Text } else { check::Depth::Compiled })
+        XtaskCommand::Check { fast } => {
+            system::prepare(system::NeededFor::Check)?;
+            check::run_all(&places, if fast { check::CheckDepth::Text } else { check::CheckDepth::Compiled })
         }
-        Task::Book => book::make(&places),
-        Task::Gallery { arguments } => {
+        XtaskCommand::Book => book::make(&places),
+        XtaskCommand::Gallery { arguments } => {
             build(&places)?;
             picture::gallery(&places, &arguments)
         }
-        Task::Reference { arguments } => picture::reference(&places, &set_up(&places)?, &arguments),
-        Task::Bench { arguments } => {
+        XtaskCommand::Reference { arguments } => picture::reference(&places, &set_up(&places)?, &arguments),
+        XtaskCommand::Bench { arguments } => {
             let (script, rest) = measure::script_of(&arguments)?;
             build(&places)?;
             measure::bench(&places, script, rest)
         }
-        Task::Doctor { arguments } => doctor(&places, &arguments),
+        XtaskCommand::Doctor { arguments } => doctor(&places, &arguments),
     }
 }
 
-fn set_up(places: &Places) -> Result<Interpreter> {
-    system::prepare(system::For::Build)?;
+fn set_up(places: &RootFolders) -> Result<PythonInterpreter> {
+    system::prepare(system::NeededFor::Build)?;
     let interpreter =
         host::find_interpreter().context("no CPython 3.11 with headers and venv; name one in OOCPT_PYTHON")?;
     host::prepare(places, &interpreter)?;
     Ok(interpreter)
 }
 
-fn build(places: &Places) -> Result<Interpreter> {
+fn build(places: &RootFolders) -> Result<PythonInterpreter> {
     let interpreter = set_up(places)?;
     product::build_for_wheel(places, &interpreter)?;
     Ok(interpreter)
 }
 
 /// Becomes `usdrecord`: returns only if that cannot be started.
-fn record(places: &Places, arguments: &[OsString]) -> Result<()> {
+fn record(places: &RootFolders, arguments: &[OsString]) -> Result<()> {
     let (settings, sdk) = settings_for_recording(places)?;
     let program = sdk.as_ref().map_or_else(|| places.wheel_bin(), |usd| usd.join("bin")).join("usdrecord");
     let mut usdrecord = Command::new(program);
@@ -192,25 +192,25 @@ fn names_one_of(arguments: &[OsString], flags: &[&str]) -> bool {
 }
 
 /// Builds for the SDK that `OOCPT_USD_ROOT` names, else for the wheel host; returns how to reach its `usdrecord`.
-fn settings_for_recording(places: &Places) -> Result<(Vec<shell::Setting>, Option<PathBuf>)> {
+fn settings_for_recording(places: &RootFolders) -> Result<(Vec<shell::VariableSetting>, Option<PathBuf>)> {
     let Some(usd) = shell::sdk_root()? else {
         build(places)?;
         return Ok((shell::for_wheel(places), None));
     };
-    system::prepare(system::For::Build)?;
+    system::prepare(system::NeededFor::Build)?;
     let prefix = product::install_for_sdk(places, &usd, &places.repo.join("build/sdk"))?;
     Ok((shell::for_sdk(&usd, &prefix), Some(usd)))
 }
 
 #[expect(clippy::print_stdout, reason = "the answer is for the shell that evaluates it")]
-fn print_env(places: &Places) -> Result<()> {
+fn print_env(places: &RootFolders) -> Result<()> {
     let (settings, _) = settings_for_recording(places)?;
     print!("{}", shell::exports(&settings));
     Ok(())
 }
 
-fn install(places: &Places, usd: &Path, prefix: &Path) -> Result<()> {
-    system::prepare(system::For::Build)?;
+fn install(places: &RootFolders, usd: &Path, prefix: &Path) -> Result<()> {
+    system::prepare(system::NeededFor::Build)?;
     let prefix = product::install_for_sdk(places, usd, prefix)?;
     say(format_args!(
         "installed; hosts find it with PXR_PLUGINPATH_NAME={}",
@@ -220,8 +220,8 @@ fn install(places: &Places, usd: &Path, prefix: &Path) -> Result<()> {
 }
 
 /// Becomes `oocpt doctor`.
-fn doctor(places: &Places, arguments: &[OsString]) -> Result<()> {
-    system::prepare(system::For::Build)?;
+fn doctor(places: &RootFolders, arguments: &[OsString]) -> Result<()> {
+    system::prepare(system::NeededFor::Build)?;
     let mut cargo = product::cargo(places, "run");
     cargo.args(["--quiet", "--profile", product::PROFILE, "--package", "oocpt-cli", "--bin", "oocpt", "--", "doctor"]);
     if names_one_of(arguments, &["--scene"]) {
@@ -244,7 +244,9 @@ mod tests {
     #[test]
     fn usdrecord_flags_pass_untouched() {
         let words = ["xtask", "record", "--imageWidth", "64", "-r", "Storm", "--help", "a.usda", "b.exr"];
-        let Task::Record { arguments } = Arguments::parse_from(words).command else { panic!("not a record task") };
+        let XtaskCommand::Record { arguments } = Arguments::parse_from(words).command else {
+            panic!("not a record task")
+        };
         assert_eq!(arguments, words[2..], "order and dashes are kept");
         assert!(names_one_of(&arguments, &["--renderer", "-r"]), "short flag");
         assert!(names_one_of(&["--renderer=GL".into()], &["--renderer", "-r"]), "joined value");

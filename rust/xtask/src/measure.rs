@@ -10,7 +10,7 @@ use std::process::Command;
 use anyhow::{Context as _, Result, bail};
 
 use crate::host::USD_VENV;
-use crate::places::Places;
+use crate::places::RootFolders;
 use crate::shell;
 
 /// The benches and their programs.
@@ -34,7 +34,7 @@ pub(crate) fn script_of(arguments: &[OsString]) -> Result<(&'static str, &[OsStr
 ///
 /// # Errors
 /// If Python cannot be started.
-pub(crate) fn bench(places: &Places, script: &str, arguments: &[OsString]) -> Result<()> {
+pub(crate) fn bench(places: &RootFolders, script: &str, arguments: &[OsString]) -> Result<()> {
     let mut python = Command::new(places.venv_python(USD_VENV.name));
     shell::apply(&shell::for_wheel(places), &mut python);
     python.arg(places.repo.join("tests/bench").join(script)).args(arguments);

@@ -11,15 +11,15 @@ use std::process::Command;
 
 use anyhow::{Context as _, Result, ensure};
 
-use crate::host::{self, Interpreter, REFERENCE_VENV, USD_VENV};
-use crate::places::Places;
+use crate::host::{self, PythonInterpreter, REFERENCE_VENV, USD_VENV};
+use crate::places::RootFolders;
 use crate::{shell, system};
 
 /// Becomes the program that renders the gallery; the plugin is built already.
 ///
 /// # Errors
 /// If Python cannot be started.
-pub(crate) fn gallery(places: &Places, arguments: &[OsString]) -> Result<()> {
+pub(crate) fn gallery(places: &RootFolders, arguments: &[OsString]) -> Result<()> {
     let mut render = Command::new(places.venv_python(USD_VENV.name));
     shell::apply(&shell::for_wheel(places), &mut render);
     render.arg(places.repo.join("tests/gallery/render.py")).args(arguments);
@@ -31,7 +31,7 @@ pub(crate) fn gallery(places: &Places, arguments: &[OsString]) -> Result<()> {
 ///
 /// # Errors
 /// If the environment cannot be made, there is no LLVM, or no such program.
-pub(crate) fn reference(places: &Places, interpreter: &Interpreter, arguments: &[OsString]) -> Result<()> {
+pub(crate) fn reference(places: &RootFolders, interpreter: &PythonInterpreter, arguments: &[OsString]) -> Result<()> {
     host::prepare_extra(places, interpreter, &REFERENCE_VENV)?;
     let (program, rest) = program_of(arguments);
     let script = places.repo.join("tests/reference").join(format!("{program}.py"));

@@ -15,7 +15,7 @@ pub(crate) const PYTHON_VERSION: &str = "3.11";
 
 /// Roots of the clone and of the cache.
 #[derive(Clone, Debug)]
-pub(crate) struct Places {
+pub(crate) struct RootFolders {
     /// Folder with the workspace `Cargo.toml`.
     pub(crate) repo: PathBuf,
     /// Folder for downloads, wheel host and virtual environments; shared by clones.
@@ -24,7 +24,7 @@ pub(crate) struct Places {
     pub(crate) target: PathBuf,
 }
 
-impl Places {
+impl RootFolders {
     /// Reads `OOCPT_CACHE`, `HOME` and `CARGO_TARGET_DIR`.
     ///
     /// # Errors

@@ -11,8 +11,8 @@ use std::process::Command;
 use anyhow::{Context as _, Result, ensure};
 use serde_json::Value;
 
-use crate::host::Interpreter;
-use crate::places::Places;
+use crate::host::PythonInterpreter;
+use crate::places::RootFolders;
 use crate::process::{capture, run, say, shell_word};
 
 /// cargo profile of everything that is built to be run from the clone.
@@ -24,6 +24,8 @@ const BRIDGE: &str = "oocpt-bridge";
 const BRIDGE_FILE: &str = "liboocpt_bridge.a";
 /// The command as cargo builds it.
 pub(crate) const COMMAND_FILE: &str = "oocpt";
+/// What `oocpt bench` runs, crate and program; it is not shipped.
+const BENCH: &str = "oocpt-bench";
 
 /// Programs of ours that run in the wheel host's Python: their names in `build/wheel/bin`, and their scripts.
 const HOST_PROGRAMS: [(&str, &str); 2] =
@@ -33,7 +35,7 @@ const HOST_PROGRAMS: [(&str, &str); 2] =
 ///
 /// # Errors
 /// If cargo, `CMake` or the build fails.
-pub(crate) fn build_for_wheel(places: &Places, interpreter: &Interpreter) -> Result<()> {
+pub(crate) fn build_for_wheel(places: &RootFolders, interpreter: &PythonInterpreter) -> Result<()> {
     build_bridge(places, PROFILE)?;
     build_plugin_for_wheel(places, interpreter)
 }
@@ -43,22 +45,24 @@ pub(crate) fn build_for_wheel(places: &Places, interpreter: &Interpreter) -> Res
 ///
 /// # Errors
 /// If cargo fails.
-pub(crate) fn build_tests(places: &Places) -> Result<String> {
+pub(crate) fn build_tests(places: &RootFolders) -> Result<String> {
     let mut build = cargo(places, "build");
     build.args(["--workspace", "--all-targets", "--profile", PROFILE, "--message-format", "json-render-diagnostics"]);
     capture(&mut build)
 }
 
-/// Builds bridge and command, which have none of what tests turn on, and the plugin around the bridge.
+/// Builds bridge and command, which have none of what tests turn on, and the plugin around the bridge; the benches by
+/// themselves, so that they turn on nothing in the product.
 ///
 /// # Errors
 /// If cargo, `CMake` or the build fails; in CI also if there are warnings.
-pub(crate) fn build_for_tests(places: &Places, interpreter: &Interpreter) -> Result<()> {
+pub(crate) fn build_for_tests(places: &RootFolders, interpreter: &PythonInterpreter) -> Result<()> {
     let mut build = cargo(places, "build");
     build.args(packages()).args(["--profile", PROFILE, "--message-format", "json-render-diagnostics"]);
     let warned = capture(&mut build)?.lines().any(is_warning);
     ensure!(!warned || !is_ci(), "the product, without what tests turn on, has warnings");
-    [BRIDGE_FILE, COMMAND_FILE].iter().try_for_each(|file| keep(places, PROFILE, file))?;
+    run(cargo(places, "build").args(["--package", BENCH, "--profile", PROFILE]))?;
+    [BRIDGE_FILE, COMMAND_FILE, BENCH].iter().try_for_each(|file| keep(places, PROFILE, file))?;
     build_plugin_for_wheel(places, interpreter)
 }
 
@@ -79,12 +83,12 @@ pub(crate) fn packages() -> Vec<OsString> {
 }
 
 /// Where a file of the product is kept: other builds put their own, with what tests turn on, at cargo's place.
-pub(crate) fn kept(places: &Places, profile: &str, file: &str) -> PathBuf {
+pub(crate) fn kept(places: &RootFolders, profile: &str, file: &str) -> PathBuf {
     places.target.join("product").join(profile).join(file)
 }
 
 /// Keeps what cargo has just built. A file that is the same stays, so that nothing is linked anew.
-fn keep(places: &Places, profile: &str, file: &str) -> Result<()> {
+fn keep(places: &RootFolders, profile: &str, file: &str) -> Result<()> {
     let (built, kept) = (places.target.join(profile).join(file), kept(places, profile, file));
     let bytes = fs::read(&built).with_context(|| format!("cargo left no {}", built.display()))?;
     if fs::read(&kept).is_ok_and(|found| found == bytes) {
@@ -100,7 +104,7 @@ fn keep(places: &Places, profile: &str, file: &str) -> Result<()> {
 ///
 /// # Errors
 /// If `CMake` or the build fails.
-fn build_plugin_for_wheel(places: &Places, interpreter: &Interpreter) -> Result<()> {
+fn build_plugin_for_wheel(places: &RootFolders, interpreter: &PythonInterpreter) -> Result<()> {
     let mut options = bridge_options(places, PROFILE);
     options.push(("OOCPT_HOST".into(), "wheel".into()));
     options.push(("OOCPT_HOST_ROOT".into(), path(&places.host())));
@@ -117,7 +121,7 @@ fn build_plugin_for_wheel(places: &Places, interpreter: &Interpreter) -> Result<
 ///
 /// # Errors
 /// If cargo, `CMake`, the build or the packing fails.
-pub(crate) fn pack(places: &Places, interpreter: &Interpreter) -> Result<()> {
+pub(crate) fn pack(places: &RootFolders, interpreter: &PythonInterpreter) -> Result<()> {
     run(cargo(places, "build").args(packages()).args(["--profile", PROFILE]))?;
     [BRIDGE_FILE, COMMAND_FILE].iter().try_for_each(|file| keep(places, PROFILE, file))?;
     build_plugin_for_wheel(places, interpreter)?;
@@ -133,7 +137,7 @@ pub(crate) fn pack(places: &Places, interpreter: &Interpreter) -> Result<()> {
 ///
 /// # Errors
 /// If `usd` is no SDK, or the build or the installation fails.
-pub(crate) fn install_for_sdk(places: &Places, usd: &Path, prefix: &Path) -> Result<PathBuf> {
+pub(crate) fn install_for_sdk(places: &RootFolders, usd: &Path, prefix: &Path) -> Result<PathBuf> {
     let usd = fs::canonicalize(usd).with_context(|| format!("no OpenUSD install at {}", usd.display()))?;
     ensure!(usd.join("include/pxr/pxr.h").is_file(), "{} has no include/pxr/pxr.h", usd.display());
     fs::create_dir_all(prefix).with_context(|| format!("cannot create {}", prefix.display()))?;
@@ -154,13 +158,13 @@ fn compile(tree: &Path) -> Result<()> {
     run(Command::new("cmake").arg("--build").arg(tree).args(["--", "--quiet"]))
 }
 
-fn build_bridge(places: &Places, profile: &str) -> Result<()> {
+fn build_bridge(places: &RootFolders, profile: &str) -> Result<()> {
     run(cargo(places, "build").args(["--package", BRIDGE, "--profile", profile]))?;
     keep(places, profile, BRIDGE_FILE)
 }
 
 /// The `CMake` options that name the bridge.
-fn bridge_options(places: &Places, profile: &str) -> Vec<(String, String)> {
+fn bridge_options(places: &RootFolders, profile: &str) -> Vec<(String, String)> {
     vec![
         ("CMAKE_BUILD_TYPE".into(), "Release".into()),
         ("OOCPT_BRIDGE_LIB".into(), path(&kept(places, profile, BRIDGE_FILE))),
@@ -170,7 +174,7 @@ fn bridge_options(places: &Places, profile: &str) -> Vec<(String, String)> {
 
 /// A cargo subcommand in the clone, by the same cargo that runs this; in CI (`CI` is set)
 /// it may not change `Cargo.lock`.
-pub(crate) fn cargo(places: &Places, subcommand: &str) -> Command {
+pub(crate) fn cargo(places: &RootFolders, subcommand: &str) -> Command {
     let mut cargo = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     cargo.current_dir(&places.repo).env("CARGO_TARGET_DIR", &places.target).args(subcommand.split(' '));
     if is_ci() && subcommand != "fmt" {
@@ -180,7 +184,7 @@ pub(crate) fn cargo(places: &Places, subcommand: &str) -> Command {
 }
 
 /// Configures `tree` unless it was configured with the same options; `CMake` itself watches its own files.
-fn configure(places: &Places, tree: &Path, options: &[(String, String)]) -> Result<()> {
+fn configure(places: &RootFolders, tree: &Path, options: &[(String, String)]) -> Result<()> {
     let wanted = options.iter().map(|(name, value)| format!("-D{name}={value}\n")).collect::<String>();
     let noted = tree.join("xtask-options.txt");
     if tree.join("build.ninja").exists() && fs::read_to_string(&noted).is_ok_and(|found| found == wanted) {
@@ -204,7 +208,7 @@ fn sdk_tree_name(usd: &Path) -> String {
 }
 
 /// Writes `build/wheel/bin/NAME`, which starts a script in the wheel host with the plugin in its path.
-fn write_program(places: &Places, name: &str, script: &str) -> Result<()> {
+fn write_program(places: &RootFolders, name: &str, script: &str) -> Result<()> {
     let program = places.wheel_bin().join(name);
     let text = program_script(places, script);
     if fs::read_to_string(&program).is_ok_and(|found| found == text) {
@@ -216,7 +220,7 @@ fn write_program(places: &Places, name: &str, script: &str) -> Result<()> {
     fs::set_permissions(&program, mode).with_context(|| format!("cannot make {name} executable"))
 }
 
-fn program_script(places: &Places, script: &str) -> String {
+fn program_script(places: &RootFolders, script: &str) -> String {
     let python = shell_word(&path(&places.venv_python(crate::host::HOST_VENV.name)));
     let runner = shell_word(&path(&places.repo.join(script)));
     let resources = shell_word(&path(&places.wheel_resources()));
@@ -255,7 +259,7 @@ mod tests {
 
     #[test]
     fn usdrecord_keeps_the_users_plugins() {
-        let places = Places { repo: "/r p".into(), cache: "/c".into(), target: "/t".into() };
+        let places = RootFolders { repo: "/r p".into(), cache: "/c".into(), target: "/t".into() };
         let script = program_script(&places, "plugin/usdrecord");
         assert!(script.contains("exec /c/venv-host/bin/python -I '/r p/plugin/usdrecord' \"$@\""), "{script}");
         assert!(script.contains("${PXR_PLUGINPATH_NAME:+:$PXR_PLUGINPATH_NAME}"), "{script}");

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Result, ensure};
 
 use crate::host::{HOST_VENV, USD_VENV};
-use crate::places::Places;
+use crate::places::RootFolders;
 use crate::process::shell_word;
 
 /// The plugin's resources below an install prefix, to be named in `PXR_PLUGINPATH_NAME`.
@@ -19,7 +19,7 @@ const MATERIALX: &str = "PXR_MTLX_STDLIB_SEARCH_PATHS";
 
 /// A variable and how it is set.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) enum Setting {
+pub(crate) enum VariableSetting {
     /// Put in front of a colon-separated list.
     Prepend(&'static str, PathBuf),
     /// Set, whatever it was.
@@ -41,10 +41,10 @@ pub(crate) fn sdk_root() -> Result<Option<PathBuf>> {
 }
 
 /// Settings for the wheel host.
-pub(crate) fn for_wheel(places: &Places) -> Vec<Setting> {
+pub(crate) fn for_wheel(places: &RootFolders) -> Vec<VariableSetting> {
     let mut settings = vec![
-        Setting::Prepend("PATH", places.wheel_bin()),
-        Setting::Prepend("PXR_PLUGINPATH_NAME", places.wheel_resources()),
+        VariableSetting::Prepend("PATH", places.wheel_bin()),
+        VariableSetting::Prepend("PXR_PLUGINPATH_NAME", places.wheel_resources()),
     ];
     settings.extend(interpreters(places));
     settings
@@ -52,35 +52,35 @@ pub(crate) fn for_wheel(places: &Places) -> Vec<Setting> {
 
 /// What the tests need to start other interpreters: one that imports the wheel host's `pxr`, one that imports
 /// usd-core's.
-pub(crate) fn interpreters(places: &Places) -> Vec<Setting> {
+pub(crate) fn interpreters(places: &RootFolders) -> Vec<VariableSetting> {
     vec![
-        Setting::Set("OOCPT_HOST_PYTHON", places.venv_python(HOST_VENV.name)),
-        Setting::Set("OOCPT_USD_PYTHON", places.venv_python(USD_VENV.name)),
-        Setting::Set("OOCPT_HOST_ROOT", places.host()),
-        Setting::Set("OOCPT_BUILD", places.wheel_build()),
-        Setting::Default(MATERIALX, places.materialx()),
+        VariableSetting::Set("OOCPT_HOST_PYTHON", places.venv_python(HOST_VENV.name)),
+        VariableSetting::Set("OOCPT_USD_PYTHON", places.venv_python(USD_VENV.name)),
+        VariableSetting::Set("OOCPT_HOST_ROOT", places.host()),
+        VariableSetting::Set("OOCPT_BUILD", places.wheel_build()),
+        VariableSetting::Default(MATERIALX, places.materialx()),
     ]
 }
 
 /// Settings for the SDK at `usd`, with the plugin installed below `prefix`.
-pub(crate) fn for_sdk(usd: &Path, prefix: &Path) -> Vec<Setting> {
+pub(crate) fn for_sdk(usd: &Path, prefix: &Path) -> Vec<VariableSetting> {
     vec![
-        Setting::Prepend("PATH", usd.join("bin")),
-        Setting::Prepend("PYTHONPATH", usd.join("lib/python")),
-        Setting::Prepend("LD_LIBRARY_PATH", usd.join("lib")),
-        Setting::Prepend("PXR_PLUGINPATH_NAME", prefix.join(INSTALLED_RESOURCES)),
-        Setting::Default(MATERIALX, usd.join("libraries")),
+        VariableSetting::Prepend("PATH", usd.join("bin")),
+        VariableSetting::Prepend("PYTHONPATH", usd.join("lib/python")),
+        VariableSetting::Prepend("LD_LIBRARY_PATH", usd.join("lib")),
+        VariableSetting::Prepend("PXR_PLUGINPATH_NAME", prefix.join(INSTALLED_RESOURCES)),
+        VariableSetting::Default(MATERIALX, usd.join("libraries")),
     ]
 }
 
 /// The settings as lines for `eval` in a POSIX shell.
-pub(crate) fn exports(settings: &[Setting]) -> String {
-    let line = |setting: &Setting| match setting {
-        Setting::Prepend(name, path) => {
+pub(crate) fn exports(settings: &[VariableSetting]) -> String {
+    let line = |setting: &VariableSetting| match setting {
+        VariableSetting::Prepend(name, path) => {
             format!("export {name}={}${{{name}:+:${name}}}\n", shell_word(&path.to_string_lossy()))
         }
-        Setting::Set(name, path) => format!("export {name}={}\n", shell_word(&path.to_string_lossy())),
-        Setting::Default(name, path) => {
+        VariableSetting::Set(name, path) => format!("export {name}={}\n", shell_word(&path.to_string_lossy())),
+        VariableSetting::Default(name, path) => {
             format!("[ -n \"${{{name}:-}}\" ] || {name}={}\nexport {name}\n", shell_word(&path.to_string_lossy()))
         }
     };
@@ -88,13 +88,13 @@ pub(crate) fn exports(settings: &[Setting]) -> String {
 }
 
 /// Gives the settings to a child process.
-pub(crate) fn apply(settings: &[Setting], command: &mut std::process::Command) {
+pub(crate) fn apply(settings: &[VariableSetting], command: &mut std::process::Command) {
     for setting in settings {
         match setting {
-            Setting::Set(name, path) => command.env(name, path),
-            Setting::Default(name, _) if env::var_os(name).is_some_and(|old| !old.is_empty()) => command,
-            Setting::Default(name, path) => command.env(name, path),
-            Setting::Prepend(name, path) => {
+            VariableSetting::Set(name, path) => command.env(name, path),
+            VariableSetting::Default(name, _) if env::var_os(name).is_some_and(|old| !old.is_empty()) => command,
+            VariableSetting::Default(name, path) => command.env(name, path),
+            VariableSetting::Prepend(name, path) => {
                 let mut list = path.clone().into_os_string();
                 if let Some(old) = env::var_os(name).filter(|old| !old.is_empty()) {
                     list.push(":");
@@ -115,7 +115,8 @@ mod tests {
 
     #[test]
     fn a_shell_evaluates_the_exports() {
-        let settings = [Setting::Prepend("A_LIST", "/new dir".into()), Setting::Set("A_VALUE", "/it's".into())];
+        let settings =
+            [VariableSetting::Prepend("A_LIST", "/new dir".into()), VariableSetting::Set("A_VALUE", "/it's".into())];
         let script = format!("{}printf '%s|%s' \"$A_LIST\" \"$A_VALUE\"", exports(&settings));
         let fresh = capture(Command::new("sh").args(["-c", &script]).env_remove("A_LIST")).unwrap();
         assert_eq!(fresh, "/new dir|/it's", "an unset list has no trailing colon");
@@ -125,7 +126,7 @@ mod tests {
 
     #[test]
     fn a_default_gives_way() {
-        let settings = [Setting::Default("A_DEFAULT", "/new dir".into())];
+        let settings = [VariableSetting::Default("A_DEFAULT", "/new dir".into())];
         let script = format!("{}printf '%s' \"$A_DEFAULT\"", exports(&settings));
         let shell = |old: &str| capture(Command::new("sh").args(["-c", &script]).env("A_DEFAULT", old)).unwrap();
         assert_eq!((shell("").as_str(), shell("/old").as_str()), ("/new dir", "/old"), "empty is not set");
@@ -135,7 +136,10 @@ mod tests {
     fn a_child_gets_the_same() {
         let mut child = Command::new("sh");
         child.args(["-c", "printf '%s|%s' \"$XTASK_TEST_LIST\" \"$A_VALUE\""]);
-        apply(&[Setting::Prepend("XTASK_TEST_LIST", "/a".into()), Setting::Set("A_VALUE", "/b".into())], &mut child);
+        apply(
+            &[VariableSetting::Prepend("XTASK_TEST_LIST", "/a".into()), VariableSetting::Set("A_VALUE", "/b".into())],
+            &mut child,
+        );
         assert_eq!(capture(&mut child).unwrap(), "/a|/b", "both kinds");
     }
 }

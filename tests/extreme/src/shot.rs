@@ -116,15 +116,15 @@ impl Stage {
     }
 
     pub(crate) fn take(&self, camera: &Camera, way: &Way) -> Shot {
-        use oocpt_core::settings::Value;
+        use oocpt_core::settings::SettingValue;
         let mut shot = Shot::default();
-        let whole = |value: u32| Value::Int(i64::from(value));
+        let whole = |value: u32| SettingValue::Int(i64::from(value));
         let wanted = [
             ("oocpt:samplesPerPixel", whole(way.samples)),
             ("oocpt:maxBounces", whole(way.bounces)),
             ("oocpt:seed", whole(way.seed)),
             ("oocpt:chunkSize", whole(way.chunk_kib)),
-            ("domeLightCameraVisibility", Value::Bool(way.dome_seen)),
+            ("domeLightCameraVisibility", SettingValue::Bool(way.dome_seen)),
         ];
         for (key, value) in wanted {
             if let Err(error) = self.session.set_setting(key, value) {

@@ -10,7 +10,7 @@
 
 use glam::{DVec2, DVec3, DVec4};
 use oocpt_core::camera::Camera;
-use oocpt_core::scene::snapshot::{Emitter, Light, Snapshot};
+use oocpt_core::scene::snapshot::{Light, LightEmitter, Snapshot};
 use rayon::prelude::*;
 
 use crate::JudgeError;
@@ -122,13 +122,13 @@ impl Tracer<'_> {
     }
 
     fn background(&self) -> DVec4 {
-        let visible = |light: &Light| light.camera_visible && matches!(light.emitter, Emitter::Dome { .. });
+        let visible = |light: &Light| light.camera_visible && matches!(light.emitter, LightEmitter::Dome { .. });
         if self.lights.iter().any(visible) { self.dome(true).extend(1.0) } else { DVec4::from(self.options.clear) }
     }
 
     fn dome(&self, seen_by_camera: bool) -> DVec3 {
         let radiance = self.lights.iter().filter_map(|light| match &light.emitter {
-            Emitter::Dome { .. } if light.camera_visible || !seen_by_camera => Some(light.radiance),
+            LightEmitter::Dome { .. } if light.camera_visible || !seen_by_camera => Some(light.radiance),
             _ => None,
         });
         radiance.map(|radiance| DVec3::from(radiance.map(f64::from))).sum()
@@ -138,7 +138,7 @@ impl Tracer<'_> {
     fn distant(&self, start: DVec3, lobe: &Lobe, random: &mut Random) -> DVec3 {
         let mut sum = DVec3::ZERO;
         for light in self.lights {
-            let Emitter::Distant { direction, one_minus_cos } = &light.emitter else {
+            let LightEmitter::Distant { direction, one_minus_cos } = &light.emitter else {
                 continue;
             };
             let axis = DVec3::from(direction.map(f64::from)).normalize();

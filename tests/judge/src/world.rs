@@ -3,7 +3,7 @@
 
 use glam::{DMat4, DVec3, DVec4};
 use oocpt_abi::AttributeRate;
-use oocpt_core::scene::snapshot::{Assembly, Attribute, InstanceRecord, MeshAsset, Snapshot, Target};
+use oocpt_core::scene::snapshot::{Assembly, Attribute, InstanceRecord, InstanceTarget, MeshAsset, Snapshot};
 
 use crate::JudgeError;
 use crate::bvh::{Bvh, Crossing};
@@ -100,12 +100,12 @@ impl World {
             let id = id.wrapping_add(record.index_in_prototype.cast_signed());
             let dangling = |kind| JudgeError::DanglingTarget { assembly: index, record: number, kind };
             match record.target {
-                Target::Assembly(target) => {
+                InstanceTarget::Assembly(target) => {
                     // Children come before parents, which also rules out cycles.
                     let target = usize::try_from(target).ok().filter(|&target| target < index);
                     self.add_assembly(from, target.ok_or_else(|| dangling("assembly"))?, placed, id)?;
                 }
-                Target::Mesh(target) => {
+                InstanceTarget::Mesh(target) => {
                     let target = usize::try_from(target).ok().filter(|&target| target < self.meshes.len());
                     self.add_mesh(target.ok_or_else(|| dangling("mesh"))?, placed, record.prim_id, id)?;
                 }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! What moves while the shutter is open, as it crosses the boundary. Pure; any thread.
 
-use crate::convert::Complaints;
+use crate::convert::ConversionWarnings;
 use crate::ffi;
 use oocpt_core::array::column_matrix;
 use oocpt_core::scene::{InstancerMotion, InstancerSample, PointsMotion, PointsSample, TransformSample};
@@ -19,7 +19,7 @@ pub(crate) fn transform_samples(numbers: &[f64]) -> Vec<TransformSample> {
 }
 
 /// How points move.
-pub(crate) fn points_motion(desc: ffi::MotionDesc, path: &str, complaints: &mut Complaints) -> PointsMotion {
+pub(crate) fn points_motion(desc: ffi::MotionDesc, path: &str, complaints: &mut ConversionWarnings) -> PointsMotion {
     let sample = |sample: ffi::MotionSampleDesc| PointsSample {
         time: sample.time,
         points: complaints.required::<[f32; 3]>(path, "points", sample.positions),
@@ -35,7 +35,11 @@ pub(crate) fn points_motion(desc: ffi::MotionDesc, path: &str, complaints: &mut 
 }
 
 /// How instances move. Samples that cannot be read are left out with all others.
-pub(crate) fn instancer_motion(desc: ffi::MotionDesc, path: &str, complaints: &mut Complaints) -> InstancerMotion {
+pub(crate) fn instancer_motion(
+    desc: ffi::MotionDesc,
+    path: &str,
+    complaints: &mut ConversionWarnings,
+) -> InstancerMotion {
     let samples = desc.samples.into_iter().map(|sample| InstancerSample {
         time: sample.time,
         translations: complaints.optional(path, "instanceTranslations", sample.positions),

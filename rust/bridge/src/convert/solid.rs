@@ -4,16 +4,16 @@
 //! Numbers: the axis (0 x, 1 y, 2 z), whether half balls end it (0 or 1), then four for each size: part of the shutter,
 //! radii at the lower and the upper end, height. The first size is the frame's own.
 
-use crate::convert::Complaints;
+use crate::convert::ConversionWarnings;
 use crate::ffi;
-use oocpt_core::scene::{Solid, SolidSize};
+use oocpt_core::scene::{SolidDesc, SolidSize};
 
 /// [`ffi::ShapeDesc::kind`] of a solid of revolution.
 const SOLID: u8 = 3;
 
-impl Complaints {
+impl ConversionWarnings {
     /// The solid that a prim is, if it is one.
-    pub(super) fn solid(&mut self, path: &str, desc: &ffi::ShapeDesc) -> Option<Solid> {
+    pub(super) fn solid(&mut self, path: &str, desc: &ffi::ShapeDesc) -> Option<SolidDesc> {
         if desc.kind != SOLID {
             return None;
         }
@@ -23,7 +23,7 @@ impl Complaints {
         let mut sizes = sizes.iter().map(size);
         let (_, size) = sizes.next()?;
         let axis = [0.0, 1.0].into_iter().position(|number| axis <= number).unwrap_or(2);
-        let solid = Solid { size, samples: sizes.collect(), axis, is_round: is_round > 0.0 };
+        let solid = SolidDesc { size, samples: sizes.collect(), axis, is_round: is_round > 0.0 };
         if !solid.is_usable() {
             self.add(path, "size", "its radius or height is not a finite number; left out");
         }
@@ -41,7 +41,7 @@ mod tests {
     fn a_solid_arrives_with_its_sizes() {
         let numbers = vec![1.0, 1.0, 9.0, 1.0, 2.0, 3.0, 0.0, 4.0, 5.0, 6.0, 1.0, 7.0, 8.0, f64::NAN, 11.0];
         let shape = |solid| ffi::ShapeDesc { kind: 3, solid, ..no_shape() };
-        let mut complaints = Complaints::default();
+        let mut complaints = ConversionWarnings::default();
         let converted = mesh(ffi::MeshDesc { shape: shape(numbers), ..mesh_desc() }, &mut complaints);
         let solid = converted.solid.expect("a solid");
         assert_eq!((solid.size, solid.axis), (SolidSize { radii: [1.0, 2.0], height: 3.0 }, 1), "the frame's own");

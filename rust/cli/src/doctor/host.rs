@@ -3,8 +3,8 @@
 //! (`oocpt:report`) says what that was made of. So a file goes the way that it goes in every host: composition, scene
 //! index, delegate.
 
-use crate::host::{Picture, temporary};
 use anyhow::{Context, Result};
+use oocpt_command::host::{Picture, temporary};
 use oocpt_render::error_report::ErrorReport;
 use std::ffi::OsStr;
 use std::path::Path;
@@ -12,7 +12,7 @@ use std::time::Duration;
 
 /// How to ask.
 #[derive(Debug)]
-pub(super) struct Question<'a> {
+pub(super) struct HostQuery<'a> {
     pub(super) file: &'a Path,
     pub(super) usdrecord: &'a OsStr,
     pub(super) camera: Option<&'a str>,
@@ -20,35 +20,32 @@ pub(super) struct Question<'a> {
     pub(super) samples: u32,
     pub(super) bounces: u32,
     pub(super) device: &'a str,
-    /// Value of `oocpt:carry`.
-    pub(super) carry: &'a str,
     pub(super) timeout: Duration,
 }
 
 /// What a host that rendered gave.
 #[derive(Debug)]
-pub(super) struct Answer {
+pub(super) struct HostAnswer {
     pub(super) report: ErrorReport,
     /// What it said on standard error: prims with bad data, files that are not there.
     pub(super) warnings: Vec<String>,
 }
 
 /// Renders the file and gives the report of the last render, and what the host said.
-pub(super) fn ask(question: &Question<'_>) -> Result<Answer> {
-    let file = std::fs::canonicalize(question.file)
-        .with_context(|| format!("cannot open {}: neither a file nor a generated scene", question.file.display()))?;
+pub(super) fn ask(question: &HostQuery<'_>) -> Result<HostAnswer> {
+    let file =
+        std::fs::canonicalize(question.file).with_context(|| format!("cannot open {}", question.file.display()))?;
     let folder = temporary("doctor")?;
     let report = folder.path().join("report.jsonl");
     let mut variables = vec![
         ("OOCPT_REPORT", report.clone().into()),
         ("OOCPT_SAMPLES_PER_PIXEL", question.samples.to_string().into()),
         ("OOCPT_MAX_BOUNCES", question.bounces.to_string().into()),
-        ("OOCPT_CARRY", question.carry.into()),
     ];
     if !question.device.is_empty() {
         variables.push(("OOCPT_DEVICE", question.device.into()));
     }
-    let Question { usdrecord, camera, width, timeout, .. } = *question;
+    let HostQuery { usdrecord, camera, width, timeout, .. } = *question;
     let picture = Picture { file: &file, usdrecord, camera, width, variables, timeout };
     let warnings = picture.render(folder.path())?;
     let mut renders = ErrorReport::read_all(&report).with_context(|| {
@@ -58,17 +55,17 @@ pub(super) fn ask(question: &Question<'_>) -> Result<Answer> {
             .to_owned()
     })?;
     let report = renders.pop().context("the report is empty")?;
-    Ok(Answer { report, warnings })
+    Ok(HostAnswer { report, warnings })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::host::script;
+    use crate::script::script;
 
-    fn question<'a>(file: &'a Path, usdrecord: &'a OsStr) -> Question<'a> {
+    fn question<'a>(file: &'a Path, usdrecord: &'a OsStr) -> HostQuery<'a> {
         let timeout = Duration::from_millis(300);
-        Question { file, usdrecord, camera: None, width: 4, samples: 1, bounces: 0, device: "", carry: "", timeout }
+        HostQuery { file, usdrecord, camera: None, width: 4, samples: 1, bounces: 0, device: "", timeout }
     }
 
     /// What `ask` says when the host is this script.
@@ -82,7 +79,7 @@ mod tests {
     #[test]
     fn each_host_failure_gives_one_message() {
         let missing = ask(&question(Path::new("/no/such/file.usda"), OsStr::new("usdrecord"))).expect_err("no file");
-        assert!(format!("{missing:#}").contains("neither a file nor a generated scene"), "{missing:#}");
+        assert!(format!("{missing:#}").contains("cannot open /no/such/file.usda"), "{missing:#}");
         let here = std::env::current_exe().expect("a file");
         let none = ask(&question(&here, OsStr::new("/no/such/usdrecord"))).expect_err("no host");
         assert!(format!("{none:#}").contains("cannot start the Hydra host"), "{none:#}");
@@ -97,10 +94,10 @@ mod tests {
     }
 
     #[test]
-    fn the_host_gets_the_report_path_and_the_carried_features() {
+    fn the_host_gets_the_report_path_and_the_samples() {
         let program = script(
             "reports",
-            "test \"$OOCPT_CARRY\" = \"\" && test \"$OOCPT_SAMPLES_PER_PIXEL\" = 1 || exit 1\n\
+            "test \"$OOCPT_SAMPLES_PER_PIXEL\" = 1 || exit 1\n\
              echo \
              '{\"oocptErrorReport\":1,\"renderer\":\"r\",\"device\":\"d\",\"width\":4,\"height\":3,\"samplesTarget\":1,\
              \"maxBounces\":0,\"seed\":0,\"geometryBudgetKib\":0,\"reference\":\"\"}' > \"$OOCPT_REPORT\"\n\
@@ -109,7 +106,7 @@ mod tests {
              echo No camera >&2; echo 'OocPT: 1 samples, 0.1 s' >&2\n\
              echo 'Status: in F at line 3 of a.cpp -- OocPT: 1 samples, 0.1 s' >&2\n",
         );
-        let Answer { report, warnings } = ask(&question(&program, program.as_os_str())).expect("a report");
+        let HostAnswer { report, warnings } = ask(&question(&program, program.as_os_str())).expect("a report");
         std::fs::remove_file(&program).expect("it is there");
         assert_eq!(warnings, ["OocPT: /A: bad data", "No camera"], "each line once, without where it was said");
         assert_eq!((report.header.device.as_str(), report.header.height), ("d", 3), "what the host wrote");

@@ -2,6 +2,7 @@
 //! `oocpt doctor`: what this machine can render with; with `--scene`, what a scene needs of the renderer ([`scene`]).
 
 mod host;
+mod needs;
 mod scene;
 mod table;
 
@@ -15,7 +16,7 @@ pub(crate) struct Arguments {
     #[arg(long, env = "OOCPT_DEVICE")]
     device: Option<String>,
     #[command(flatten)]
-    scene: scene::Options,
+    scene: scene::SceneCheckOptions,
 }
 
 /// Prints the report; fails when no device can be used.

@@ -1,20 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The report of a scene in words. Pure.
 
-use super::scene::{Build, SceneReport};
-use oocpt_core::inventory::{BufferUse, Inventory};
+use super::needs::SceneNeeds;
+use oocpt_core::inventory::RenderInventory;
 use std::fmt::Write as _;
 
 /// The report as text.
-pub(super) fn text(report: &SceneReport) -> String {
-    let SceneReport { scene, by, device, width, height, own, everything, warnings } = report;
-    let all = everything.as_ref();
-    let mut text = format!("{scene} ({by}), {width} x {height} px, on {device}\n");
-    features(&mut text, &own.inventory);
-    passes(&mut text, own, all);
-    buffers(&mut text, &own.inventory, all.map(|all| &all.inventory));
-    primvars(&mut text, &own.inventory);
-    sums(&mut text, own, all);
+pub(super) fn text(needs: &SceneNeeds) -> String {
+    let SceneNeeds { scene, device, width, height, inventory, warnings, .. } = needs;
+    let mut text = format!("{scene}, {width} x {height} px, on {device}\n");
+    features(&mut text, inventory);
+    passes(&mut text, inventory);
+    buffers(&mut text, inventory);
+    primvars(&mut text, inventory);
+    sums(&mut text, needs);
     if !warnings.is_empty() {
         _ = writeln!(text, "\nthe host warned");
         for warning in warnings {
@@ -26,8 +25,8 @@ pub(super) fn text(report: &SceneReport) -> String {
 
 // Writing to a string cannot fail, here and below.
 
-fn features(text: &mut String, inventory: &Inventory) {
-    let Inventory { max_levels, stack_size, .. } = inventory;
+fn features(text: &mut String, inventory: &RenderInventory) {
+    let RenderInventory { max_levels, stack_size, .. } = inventory;
     let levels = if *max_levels == 1 { "level" } else { "levels" };
     _ = writeln!(text, "\nfeatures ({max_levels} {levels} of instances, stack of {stack_size})");
     for present in [true, false] {
@@ -38,32 +37,25 @@ fn features(text: &mut String, inventory: &Inventory) {
     }
 }
 
-fn passes(text: &mut String, own: &Build, all: Option<&Build>) {
-    _ = writeln!(text, "\n{:<26}{:>10}{:>12}{:>14}", "pass", "pipeline", "compile s", "everything s");
-    for pass in &own.inventory.passes {
-        let made = if pass.made { "made" } else { "left out" };
-        let secs = |secs: Option<f64>| secs.map_or("-".to_owned(), |secs| format!("{secs:.3}"));
-        let here = secs(pass.made.then_some(pass.compile_secs));
-        let there = all.and_then(|all| all.inventory.passes.iter().find(|other| other.name == pass.name));
-        let there = secs(there.filter(|other| other.made).map(|other| other.compile_secs));
-        _ = writeln!(text, "{:<26}{made:>10}{here:>12}{there:>14}", pass.name);
+fn passes(text: &mut String, inventory: &RenderInventory) {
+    _ = writeln!(text, "\n{:<26}{:>10}{:>12}", "pass", "pipeline", "compile s");
+    for pass in &inventory.passes {
+        let (made, secs) = match pass.made {
+            true => ("made", format!("{:.3}", pass.compile_secs)),
+            false => ("left out", "-".to_owned()),
+        };
+        _ = writeln!(text, "{:<26}{made:>10}{secs:>12}", pass.name);
     }
 }
 
-fn buffers(text: &mut String, own: &Inventory, all: Option<&Inventory>) {
-    _ = writeln!(text, "\n{:<32}{:>14}{:>14}{:>14}", "buffer", "bytes", "left out", "everything");
-    let nothing = BufferUse::default();
-    let more =
-        all.iter().flat_map(|all| &all.buffers).filter(|other| !own.buffers.iter().any(|b| b.name == other.name));
-    for name in own.buffers.iter().chain(more).map(|buffer| &buffer.name) {
-        let find = |inventory: &Inventory| inventory.buffers.iter().find(|buffer| buffer.name == *name).cloned();
-        let here = find(own).unwrap_or_else(|| nothing.clone());
-        let there = all.map_or("-".to_owned(), |all| find(all).map_or(0, |buffer| buffer.bytes).to_string());
-        _ = writeln!(text, "{name:<32}{:>14}{:>14}{there:>14}", here.bytes, here.saved);
+fn buffers(text: &mut String, inventory: &RenderInventory) {
+    _ = writeln!(text, "\n{:<32}{:>14}{:>14}", "buffer", "bytes", "left out");
+    for buffer in &inventory.buffers {
+        _ = writeln!(text, "{:<32}{:>14}{:>14}", buffer.name, buffer.bytes, buffer.saved);
     }
 }
 
-fn primvars(text: &mut String, inventory: &Inventory) {
+fn primvars(text: &mut String, inventory: &RenderInventory) {
     if inventory.primvars.is_empty() {
         return;
     }
@@ -81,16 +73,11 @@ fn primvars(text: &mut String, inventory: &Inventory) {
     }
 }
 
-fn sums(text: &mut String, own: &Build, all: Option<&Build>) {
-    let row = |build: &Build| {
-        format!("{:>10}{:>16}{:>12.3}{:>10.4}", build.pipelines, build.bytes, build.compile_secs, build.trace_secs)
-    };
-    _ = writeln!(text, "\n{:<14}{:>10}{:>16}{:>12}{:>10}", "build", "pipelines", "bytes", "compile s", "trace s");
-    _ = writeln!(text, "{:<14}{}", "own", row(own));
-    if let Some(all) = all {
-        _ = writeln!(text, "{:<14}{}", "everything", row(all));
-    }
-    _ = writeln!(text, "left out here: {} bytes, unread primvars included", own.inventory.saved());
+fn sums(text: &mut String, needs: &SceneNeeds) {
+    let SceneNeeds { pipelines, bytes, compile_secs, trace_secs, inventory, .. } = needs;
+    _ = writeln!(text, "\n{:>10}{:>16}{:>12}{:>10}", "pipelines", "bytes", "compile s", "trace s");
+    _ = writeln!(text, "{pipelines:>10}{bytes:>16}{compile_secs:>12.3}{trace_secs:>10.4}");
+    _ = writeln!(text, "left out here: {} bytes, unread primvars included", inventory.saved());
 }
 
 #[cfg(test)]
@@ -100,7 +87,7 @@ mod tests {
 
     #[test]
     fn the_table_separates_present_from_omitted_parts() {
-        let mut inventory = Inventory { max_levels: 2, stack_size: 48, ..Inventory::default() };
+        let mut inventory = RenderInventory { max_levels: 2, stack_size: 48, ..RenderInventory::default() };
         let feature = |name: &str, present| FeatureUse { name: name.into(), present, ..FeatureUse::default() };
         inventory.features = vec![feature("COAT", false), feature("LENS", true)];
         let pass = |name: &str, made| PassUse { name: name.into(), made, compile_secs: 0.25 };
@@ -109,31 +96,31 @@ mod tests {
         inventory.leave_out("cones", 80);
         inventory.primvars =
             vec![PrimvarUse { name: "s\u{1b}t".into(), left_out: 3, saved: 24, ..PrimvarUse::default() }];
-        let build =
-            |bytes| Build { inventory: inventory.clone(), pipelines: 1, bytes, compile_secs: 0.25, trace_secs: 0.5 };
-        let report = SceneReport {
+        let report = SceneNeeds {
             scene: "forest".into(),
-            by: "generated",
             device: "d".into(),
             width: 16,
             height: 9,
-            own: build(640),
-            everything: Some(build(720)),
+            pipelines: 1,
+            bytes: 640,
+            compile_secs: 0.25,
+            trace_secs: 0.5,
+            inventory,
             warnings: Vec::new(),
         };
-        let warned = text(&SceneReport { warnings: vec!["/A: bad data".into()], ..report.clone() });
+        let warned = text(&SceneNeeds { warnings: vec!["/A: bad data".into()], ..report.clone() });
         assert!(warned.ends_with("\nthe host warned\n  /A: bad data\n"), "{warned}");
         let text = text(&report);
         let line = |start: &str| text.lines().find(|line| line.trim_start().starts_with(start)).expect(start);
         assert!(line("there").contains("LENS") && line("left out").contains("COAT"), "{text}");
         assert!(line("resolve").contains("made") && line("count_demand").contains("left out"), "{text}");
-        assert_eq!(line("cones").split_whitespace().collect::<Vec<_>>(), ["cones", "0", "80", "0"], "{text}");
+        assert_eq!(line("cones").split_whitespace().collect::<Vec<_>>(), ["cones", "0", "80"], "{text}");
         assert_eq!(
             line("st").split_whitespace().collect::<Vec<_>>(),
             ["st", "0", "0", "3", "24"],
             "no control characters"
         );
-        assert_eq!(line("everything").split_whitespace().nth(2), Some("720"), "{text}");
+        assert_eq!(line("1  ").split_whitespace().collect::<Vec<_>>(), ["1", "640", "0.250", "0.5000"], "{text}");
         assert!(text.ends_with("left out here: 104 bytes, unread primvars included\n"), "{text}");
     }
 }

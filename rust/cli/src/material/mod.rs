@@ -16,7 +16,7 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use crate::host::{Picture, temporary, usdrecord};
+use oocpt_command::host::{Picture, temporary, usdrecord};
 
 /// Side of the picture, pixels.
 const WIDTH: u32 = 4;
@@ -27,17 +27,17 @@ const LIKE: usize = 5;
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
     #[command(subcommand)]
-    command: Command,
+    command: MaterialCommand,
 }
 
 #[derive(clap::Subcommand)]
-enum Command {
+enum MaterialCommand {
     /// Prints a material: its network as it arrived, folded, as bytecode with its cost, and what was left out.
-    Show(Show),
+    Show(ShowArguments),
 }
 
 #[derive(clap::Args)]
-struct Show {
+struct ShowArguments {
     /// A USD file.
     scene: PathBuf,
     /// Path of a material; without one, those that something shows are listed with a line each.
@@ -55,7 +55,7 @@ struct Show {
 
 /// What is told of a scene.
 #[derive(Debug, Serialize)]
-struct Told<'a> {
+struct MaterialListing<'a> {
     scene: &'a Path,
     materials: Vec<&'a MaterialText>,
     /// What the host said beside: of the material, where one is named.
@@ -64,7 +64,7 @@ struct Told<'a> {
 
 /// Runs the command.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
-    let Command::Show(show) = &arguments.command;
+    let MaterialCommand::Show(show) = &arguments.command;
     let (report, mut said) = ask(show)?;
     let materials: Vec<&MaterialText> = match &show.path {
         None => report.materials.iter().collect(),
@@ -75,7 +75,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     if let (Some(_), [material]) = (&show.path, &materials[..]) {
         said.retain(|line| line.contains(&material.path) || !line.starts_with("OocPT: /"));
     }
-    let told = Told { scene: &show.scene, materials, warnings: said };
+    let told = MaterialListing { scene: &show.scene, materials, warnings: said };
     match (show.json, &told.materials[..]) {
         (true, _) => println!("{}", serde_json::to_string_pretty(&told)?),
         (false, [material]) if show.path.is_some() => print!("{}", text::whole(material)),
@@ -95,7 +95,7 @@ fn is_told(material: &MaterialText, line: &str) -> bool {
 }
 
 /// Has a host say what the materials are, and what else it says.
-fn ask(show: &Show) -> Result<(MaterialReport, Vec<String>)> {
+fn ask(show: &ShowArguments) -> Result<(MaterialReport, Vec<String>)> {
     let file = std::fs::canonicalize(&show.scene).with_context(|| format!("cannot open {}", show.scene.display()))?;
     let folder = temporary("material")?;
     let report = folder.path().join("report.json");
@@ -175,12 +175,12 @@ fn find<'a>(report: &'a MaterialReport, path: &str) -> Result<&'a MaterialText> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::host::script;
+    use crate::script::script;
 
-    fn show(path: Option<&str>, usdrecord: &Path) -> Show {
+    fn show(path: Option<&str>, usdrecord: &Path) -> ShowArguments {
         let path = path.map(str::to_owned);
         let scene = std::env::current_exe().expect("a file");
-        Show { scene, path, json: false, usdrecord: Some(usdrecord.into()), timeout: 20 }
+        ShowArguments { scene, path, json: false, usdrecord: Some(usdrecord.into()), timeout: 20 }
     }
 
     #[test]

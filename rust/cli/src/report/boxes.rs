@@ -10,7 +10,7 @@ pub(crate) const LAYERS: usize = 6;
 
 /// Where a ray enters a box.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Entry {
+pub(crate) struct BoxEntry {
     /// Number of the chunk instance.
     pub(crate) instance: u32,
     /// Distance in ray directions.
@@ -25,7 +25,7 @@ pub(crate) struct Entry {
 
 /// Boxes under a hierarchy.
 #[derive(Debug)]
-pub(crate) struct Boxes {
+pub(crate) struct BoxHierarchy {
     boxes: Vec<Aabb>,
     bvh: Bvh2,
     camera: ReportCamera,
@@ -34,7 +34,7 @@ pub(crate) struct Boxes {
 }
 
 /// A ray and the size of its pixel, which may grow with the distance.
-struct Ray {
+struct PixelRay {
     origin: DVec3,
     inverse: DVec3,
     direction: DVec3,
@@ -42,7 +42,7 @@ struct Ray {
     pixel: [f64; 2],
 }
 
-impl Boxes {
+impl BoxHierarchy {
     pub(crate) fn new(report: &ChunkReport) -> Self {
         let boxes: Vec<Aabb> = report.instances.iter().map(|i| Aabb { min: i.bounds[0], max: i.bounds[1] }).collect();
         let bvh = build_box_bvh(&boxes);
@@ -51,18 +51,18 @@ impl Boxes {
 
     /// The nearest boxes that the ray through `(x, y)`, in pixels from the lower left corner, enters from outside, near
     /// to far. Boxes around the camera are left out: they would cover everything.
-    pub(crate) fn enter(&self, x: f64, y: f64) -> Vec<Entry> {
+    pub(crate) fn enter(&self, x: f64, y: f64) -> Vec<BoxEntry> {
         let at =
             |base: [f64; 3], dx: [f64; 3], dy: [f64; 3]| DVec3::from(base) + x * DVec3::from(dx) + y * DVec3::from(dy);
         let ReportCamera { o, o_x, o_y, d, d_x, d_y } = self.camera;
         let direction = at(d, d_x, d_y);
-        let ray = Ray {
+        let ray = PixelRay {
             origin: at(o, o_x, o_y),
             inverse: direction.recip(),
             direction,
             pixel: [[o_x, o_y], [d_x, d_y]].map(|[x, y]| DVec3::from(x).length().max(DVec3::from(y).length())),
         };
-        let mut found: Vec<Entry> = Vec::with_capacity(LAYERS + 1);
+        let mut found: Vec<BoxEntry> = Vec::with_capacity(LAYERS + 1);
         let mut open = vec![0_u32];
         while let Some(node) = open.pop().and_then(|node| self.bvh.nodes.get(node as usize)) {
             for side in 0..2 {
@@ -82,7 +82,7 @@ impl Boxes {
     }
 
     /// Sorts a box into `found` if it is among the nearest.
-    fn try_box(&self, instance: u32, ray: &Ray, found: &mut Vec<Entry>) {
+    fn try_box(&self, instance: u32, ray: &PixelRay, found: &mut Vec<BoxEntry>) {
         let Some(bounds) = self.boxes.get(instance as usize) else { return };
         let Some((t, exit, axis)) = ray.hit(bounds) else { return };
         if t <= 0.0 || exit < t {
@@ -90,7 +90,7 @@ impl Boxes {
         }
         let extent = (Vec3::from(bounds.max) - Vec3::from(bounds.min)).max_element();
         let size = f64::from(extent) / (self.width * ray.pixel_at(t)).max(1e-30);
-        let entry = Entry { instance, t, axis, is_edge: ray.is_at_edge(bounds, t, axis), size };
+        let entry = BoxEntry { instance, t, axis, is_edge: ray.is_at_edge(bounds, t, axis), size };
         // Ties by number, so that the picture does not depend on the walk.
         let place = found.partition_point(|other| (other.t, other.instance) < (t, instance));
         found.insert(place, entry);
@@ -98,7 +98,7 @@ impl Boxes {
     }
 }
 
-impl Ray {
+impl PixelRay {
     /// Entry, exit and axis of entry.
     fn hit(&self, bounds: &Aabb) -> Option<(f64, f64, usize)> {
         let (min, max) = (Vec3::from(bounds.min).as_dvec3(), Vec3::from(bounds.max).as_dvec3());

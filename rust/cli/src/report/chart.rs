@@ -23,7 +23,7 @@ const COLORS: [RGBColor; 6] = [
 
 /// A curve with an interval at each point.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Curve {
+pub(crate) struct ChartCurve {
     pub(crate) name: String,
     /// x, y, and the interval of y; all above 0, others are left out.
     pub(crate) points: Vec<[f64; 4]>,
@@ -36,7 +36,7 @@ pub(crate) struct Curve {
 /// See the module.
 #[derive(Clone, Debug)]
 pub(crate) struct Chart {
-    pub(crate) curves: Vec<Curve>,
+    pub(crate) curves: Vec<ChartCurve>,
     pub(crate) x_title: &'static str,
     pub(crate) y_title: &'static str,
 }

@@ -6,7 +6,7 @@
 //! its interval. The dashed line falls as the inverse of the time from the last row on: relMSE is a squared error, so
 //! that is the slope -1/2 of the root.
 
-use super::chart::{Chart, Curve};
+use super::chart::{Chart, ChartCurve};
 use anyhow::{Context, Result};
 use oocpt_core::stats::ErrorRow;
 use oocpt_render::error_report::ErrorReport;
@@ -58,11 +58,11 @@ fn chart(reports: &[(String, ErrorReport)]) -> Chart {
     for (number, (name, report)) in reports.iter().enumerate() {
         let points: Vec<[f64; 4]> = report.rows.iter().filter_map(point).collect();
         let last = points.last().copied();
-        curves.push(Curve { name: name.clone(), points, color_of: number, ..Curve::default() });
+        curves.push(ChartCurve { name: name.clone(), points, color_of: number, ..ChartCurve::default() });
         if let (0, Some([x, y, ..])) = (number, last) {
             let ideal = [1e-6, 1e6].map(|factor| [x * factor, y / factor, 0.0, 0.0]);
             let name = "ideal: slope -1 (RMSE -1/2)".to_owned();
-            curves.push(Curve { name, points: ideal.to_vec(), is_dashed: true, color_of: 1 });
+            curves.push(ChartCurve { name, points: ideal.to_vec(), is_dashed: true, color_of: 1 });
         }
     }
     Chart { curves, x_title: "seconds tracing", y_title: "relMSE" }
@@ -115,14 +115,14 @@ fn table(reports: &[(String, ErrorReport)]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use oocpt_core::convergence::Estimate;
+    use oocpt_core::convergence::ErrorEstimate;
     use oocpt_core::stats::TrueError;
 
     fn rows(slope: f64) -> Vec<ErrorRow> {
         let row = |k: i32| {
             let seconds = 0.01 * 2_f64.powi(k);
             let rel_mse = 0.01 * seconds.powf(slope);
-            let estimate = Some(Estimate { rel_mse, low: 0.8 * rel_mse, high: 1.25 * rel_mse });
+            let estimate = Some(ErrorEstimate { rel_mse, low: 0.8 * rel_mse, high: 1.25 * rel_mse });
             ErrorRow { samples: 1 << k, seconds, seconds_tracing: seconds, estimate, ..ErrorRow::default() }
         };
         (0..10).map(row).collect()

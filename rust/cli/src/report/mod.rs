@@ -21,7 +21,7 @@ use rayon::prelude::*;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use boxes::Boxes;
+use boxes::BoxHierarchy;
 
 /// Part of a box's colour in what is seen through its faces, and in its edges.
 const FACE: f64 = 0.45;
@@ -37,11 +37,11 @@ const LINES: usize = 40;
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
     #[command(subcommand)]
-    command: Command,
+    command: ReportCommand,
 }
 
 #[derive(Subcommand)]
-enum Command {
+enum ReportCommand {
     /// Error against time of one or more renders, as SVG and PNG, and the times to errors of 1e-1, 1e-2, 1e-3.
     Plot(error_plot::Arguments),
     /// How a picture was made: the attributes of an EXR file of ours, or what a report says of its last render.
@@ -59,9 +59,9 @@ enum Command {
 /// Runs the command.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let (file, out) = match &arguments.command {
-        Command::Plot(arguments) => return error_plot::run(arguments),
-        Command::Picture(arguments) => return picture::run(arguments),
-        Command::Chunks { file, out } => (file, out),
+        ReportCommand::Plot(arguments) => return error_plot::run(arguments),
+        ReportCommand::Picture(arguments) => return picture::run(arguments),
+        ReportCommand::Chunks { file, out } => (file, out),
     };
     let report = ChunkReport::read(file)?;
     if report.width.max(report.height) > MAX_SIDE {
@@ -91,7 +91,7 @@ fn draw(report: &ChunkReport, title: &str, value: fn(&ReportChunk) -> u64) -> Re
         .iter()
         .map(|i| paint::color(report.chunks.get(i.chunk as usize).map_or(0, value), max))
         .collect();
-    let boxes = Boxes::new(report);
+    let boxes = BoxHierarchy::new(report);
     let (width, height) = (report.width.max(1), report.height.max(1));
     let mut image = RgbImage::new(width, height + paint::LEGEND);
     let rows: Vec<Vec<[f64; 3]>> = (0..height)
@@ -112,7 +112,7 @@ fn draw(report: &ChunkReport, title: &str, value: fn(&ReportChunk) -> u64) -> Re
 }
 
 /// The colour of a pixel: the nearest boxes over each other.
-fn blend(boxes: &Boxes, colors: &[[f64; 3]], x: f64, y: f64) -> [f64; 3] {
+fn blend(boxes: &BoxHierarchy, colors: &[[f64; 3]], x: f64, y: f64) -> [f64; 3] {
     let entries = boxes.enter(x, y);
     entries.iter().rev().fold(paint::BACKGROUND, |behind, entry| {
         let color = colors.get(entry.instance as usize).copied().unwrap_or(paint::NEVER);

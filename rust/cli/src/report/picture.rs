@@ -6,7 +6,7 @@
 use anyhow::{Context, Result, ensure};
 use oocpt_core::stats::ErrorRow;
 use oocpt_render::error_report::ErrorReport;
-use oocpt_render::picture::{Attributes, Value, read_attributes};
+use oocpt_render::picture::{PictureAttribute, PictureAttributes, read_attributes};
 use serde_json::{Map, json};
 use std::path::{Path, PathBuf};
 
@@ -47,15 +47,15 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
 
 /// What an EXR file would say of the last render of a report.
 #[expect(clippy::cast_precision_loss, reason = "counts are exact below 2^53")]
-fn of_report(file: &Path) -> Result<Attributes> {
+fn of_report(file: &Path) -> Result<PictureAttributes> {
     let renders = ErrorReport::read_all(file).with_context(|| format!("cannot read {}", file.display()))?;
     let last = renders.last().context("no render")?;
     let row = last.rows.last().with_context(|| format!("{}: its last render has no samples", file.display()))?;
     let ErrorRow { samples, seconds, seconds_tracing, rays, estimate, bytes_paged, truth, .. } = row;
     let text = |name: &str, text: &str| {
-        (name.to_owned(), Value::Text(text.chars().filter(|c| !c.is_control()).take(400).collect()))
+        (name.to_owned(), PictureAttribute::Text(text.chars().filter(|c| !c.is_control()).take(400).collect()))
     };
-    let number = |name: &str, number: f64| (name.to_owned(), Value::Number(number));
+    let number = |name: &str, number: f64| (name.to_owned(), PictureAttribute::Number(number));
     let mut all = vec![
         text("renderer", &last.header.renderer),
         text("device", &last.header.device),
@@ -96,9 +96,9 @@ mod tests {
         std::fs::write(&path, lines.join("\n")).expect("a temporary file");
         let said = of_report(&path).expect("a report");
         let find = |name: &str| said.iter().find(|(have, _)| have == name).map(|(_, value)| value.clone());
-        assert_eq!(find("device"), Some(Value::Text("ab".into())), "no control characters");
+        assert_eq!(find("device"), Some(PictureAttribute::Text("ab".into())), "no control characters");
         for (name, number) in [("samples", 2.0), ("secondsTracing", 0.75), ("rays", 20.0), ("seed", 9.0)] {
-            assert_eq!(find(name), Some(Value::Number(number)), "{name} of the last row");
+            assert_eq!(find(name), Some(PictureAttribute::Number(number)), "{name} of the last row");
         }
         assert!(find("errorHigh").is_some() && find("errorFlip").is_none(), "{said:?}");
         std::fs::remove_file(path).expect("it is there");

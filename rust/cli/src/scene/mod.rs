@@ -1,20 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The scenes of benches and tests; `oocpt scene` writes them as USD.
+//! `oocpt scene`: writes a generated scene as USD.
 
-pub(crate) mod forest;
-pub(crate) mod fur;
-pub(crate) mod generated;
-pub(crate) mod island;
-mod lamps;
-pub(crate) mod leaves;
-pub(crate) mod materials;
-pub(crate) mod pictures;
-mod preview;
 mod usd;
-pub(crate) mod woods;
 
 use anyhow::Result;
 use clap::Subcommand;
+use oocpt_scenes::island;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
@@ -22,11 +13,11 @@ use std::path::{Path, PathBuf};
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
     #[command(subcommand)]
-    command: Command,
+    command: SceneCommand,
 }
 
 #[derive(Subcommand)]
-enum Command {
+enum SceneCommand {
     /// The island: a stand-in for Disney's Moana island.
     Island {
         #[command(flatten)]
@@ -46,7 +37,7 @@ enum Command {
 
 /// Runs the command.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
-    let Command::Island { island, out, python, report } = &arguments.command;
+    let SceneCommand::Island { island, out, python, report } = &arguments.command;
     let python = usd::python(python.as_deref().map(Path::new))?;
     let prims = island::Prims::new(island)?;
     usd::write(&prims, &island::stage_camera(island), report.as_deref(), python, out)?;

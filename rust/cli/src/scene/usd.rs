@@ -2,11 +2,12 @@
 //! Prims to a USD file: raw arrays and a table of contents in a temporary folder, from which `tests/scenes/island.py`
 //! makes the stage in a Python that has usd-core.
 
-use crate::stop::{self, Folder};
 use anyhow::{Context, Result, bail};
 use glam::DMat4;
+use oocpt_command::stop::{self, Folder};
 use oocpt_core::array::{ElementType, TypedArray};
 use oocpt_core::scene::{InstancerDesc, Interpolation, LightDesc, LightKind, MeshDesc};
+use oocpt_scenes::island::{Prims, StageCamera};
 use rustc_hash::FxHashMap;
 use serde_json::{Value, json};
 use std::fs::File;
@@ -14,19 +15,8 @@ use std::io::{BufWriter, Write};
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use super::island::Prims;
-
 /// The writer of stages; the same file that the Python tests import.
 const SCRIPT: &str = include_str!("../../../../tests/scenes/island.py");
-
-/// A camera as USD has it; lengths in scene units.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct StageCamera {
-    pub(crate) world_from_view: DMat4,
-    /// Horizontal, radians.
-    pub(crate) field_of_view: f64,
-    pub(crate) clipping: [f64; 2],
-}
 
 /// The Python to use.
 pub(crate) fn python(named: Option<&Path>) -> Result<&Path> {
@@ -64,7 +54,7 @@ pub(crate) fn write(
 fn write_parts(prims: &Prims, camera: &StageCamera, report: Option<&Path>, folder: &Path) -> Result<()> {
     std::fs::write(folder.join("island.py"), SCRIPT)?;
     let mut arrays =
-        Arrays { file: BufWriter::new(File::create(folder.join("arrays"))?), end: 0, known: FxHashMap::default() };
+        ArrayFile { file: BufWriter::new(File::create(folder.join("arrays"))?), end: 0, known: FxHashMap::default() };
     let meshes: Vec<Value> = prims.meshes.iter().map(|mesh| arrays.mesh(mesh)).collect::<Result<_>>()?;
     let instancers: Vec<Value> = prims.instancers.iter().map(|i| arrays.instancer(i)).collect::<Result<_>>()?;
     arrays.file.flush()?;
@@ -84,14 +74,14 @@ fn write_parts(prims: &Prims, camera: &StageCamera, report: Option<&Path>, folde
 }
 
 /// The file of all arrays, each once.
-struct Arrays {
+struct ArrayFile {
     file: BufWriter<File>,
     end: u64,
     /// Where an array of this address and length is.
     known: FxHashMap<(usize, usize), u64>,
 }
 
-impl Arrays {
+impl ArrayFile {
     /// Appends an array unless it is there; gives its place and type for numpy.
     fn add(&mut self, array: &TypedArray) -> Result<Value> {
         let (kind, width, size) = match array.element() {

@@ -9,12 +9,12 @@ const NAME: usize = 40;
 
 /// See the module.
 #[derive(Debug)]
-pub(super) struct Bar {
+pub(super) struct TerminalBar {
     is_drawn: bool,
     done: u64,
 }
 
-impl Bar {
+impl TerminalBar {
     /// A bar, if it is wanted and there is a terminal.
     pub(super) fn new(is_wanted: bool) -> Self {
         Self { is_drawn: is_wanted && std::io::stderr().is_terminal(), done: 0 }

@@ -15,7 +15,7 @@ const DEEPEST: u32 = 32;
 
 /// What the names mean.
 #[derive(Debug, Default)]
-pub(super) struct Expanded {
+pub(super) struct ExpandedFiles {
     /// Absolute paths, each once, in order. Members of packages (`scene.usdz[a.png]`) are there as they were named.
     pub(super) files: Vec<String>,
     /// Names that mean nothing, and why.
@@ -23,7 +23,7 @@ pub(super) struct Expanded {
 }
 
 /// The files of all names.
-pub(super) fn expand(names: &[PathBuf]) -> Result<Expanded> {
+pub(super) fn expand(names: &[PathBuf]) -> Result<ExpandedFiles> {
     let here = std::env::current_dir().context("the working folder is gone")?;
     let mut found = BTreeSet::new();
     let mut missing = Vec::new();
@@ -48,7 +48,7 @@ pub(super) fn expand(names: &[PathBuf]) -> Result<Expanded> {
             missing.push((text, "no texture files are there".to_owned()));
         }
     }
-    Ok(Expanded { files: found.into_iter().collect(), missing })
+    Ok(ExpandedFiles { files: found.into_iter().collect(), missing })
 }
 
 /// All files with one of the endings. Links to folders are not followed: they may lead in a circle.

@@ -2,8 +2,8 @@
 //! The program that looks at files inside the host: `oocpt-texture-host` (plugin/texture-host). It is told a file a
 //! line and answers a line for each, in any order. Its answers are bounded and checked: files come from strangers.
 
-use crate::stop;
 use anyhow::{Context as _, Result, ensure};
+use oocpt_command::stop;
 use serde::{Deserialize, Serialize};
 use std::ffi::{OsStr, OsString};
 use std::io::{BufRead as _, BufReader, Read, Write as _};
@@ -15,7 +15,7 @@ const LONGEST: u64 = 1 << 20;
 /// What the host says of one file; all but `file` and `space` are empty where `error` is not.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
-pub(super) struct Answer {
+pub(super) struct TextureAnswer {
     pub(super) file: String,
     pub(super) space: String,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -30,20 +30,20 @@ pub(super) struct Answer {
     pub(super) is_srgb: bool,
     pub(super) why: String,
     pub(super) is_direct: bool,
-    pub(super) cache: Entry,
+    pub(super) cache: CachedTexture,
 }
 
 /// What the cache has of it.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
-pub(super) struct Entry {
+pub(super) struct CachedTexture {
     pub(super) key: String,
     pub(super) path: String,
     pub(super) bytes: Option<u64>,
     pub(super) first_level: Option<u32>,
 }
 
-impl Answer {
+impl TextureAnswer {
     pub(super) fn failed(file: &str, error: &str) -> Self {
         Self { file: file.to_owned(), error: Some(error.to_owned()), ..Self::default() }
     }
@@ -52,23 +52,23 @@ impl Answer {
 /// A line of the host's.
 #[derive(Debug, Deserialize)]
 #[serde(untagged)]
-pub(super) enum Line {
+pub(super) enum HostLine {
     /// How many answers will come.
     Count { files: u64 },
     /// One of them.
-    Answer(Box<Answer>),
+    Answer(Box<TextureAnswer>),
 }
 
 /// A host that is running; ended when it is dropped.
 #[derive(Debug)]
-pub(super) struct Host {
+pub(super) struct TextureHost {
     child: Child,
     name: OsString,
     /// Goes after the child was waited for.
     _started: stop::Started,
 }
 
-impl Drop for Host {
+impl Drop for TextureHost {
     fn drop(&mut self) {
         // One that has ended is not ended again; what there is to know was said.
         if matches!(self.child.try_wait(), Ok(None)) && self.child.kill().is_ok() {
@@ -78,7 +78,7 @@ impl Drop for Host {
     }
 }
 
-impl Host {
+impl TextureHost {
     /// Starts the program. `cache` is the value of `OOCPT_TEXTURE_CACHE`.
     pub(super) fn start(name: Option<&OsString>, command: &str, jobs: u32, cache: Option<&OsStr>) -> Result<Self> {
         let name = name.filter(|name| !name.is_empty()).cloned().unwrap_or_else(|| "oocpt-texture-host".into());
@@ -97,7 +97,7 @@ impl Host {
     }
 
     /// Asks for all of the files with their color spaces; `each` gets every line as it comes.
-    pub(super) fn ask(mut self, files: &[(&str, &str)], mut each: impl FnMut(Line)) -> Result<()> {
+    pub(super) fn ask(mut self, files: &[(&str, &str)], mut each: impl FnMut(HostLine)) -> Result<()> {
         let mut input = self.child.stdin.take().context("no way to the host")?;
         let output = self.child.stdout.take().context("no way from the host")?;
         let errors = self.child.stderr.take().context("no way from the host")?;
@@ -126,13 +126,13 @@ impl Host {
                     }
                 }
                 match serde_json::from_str(&line) {
-                    Ok(Line::Count { files }) if expected.is_none() => {
+                    Ok(HostLine::Count { files }) if expected.is_none() => {
                         expected = Some(files);
-                        each(Line::Count { files });
+                        each(HostLine::Count { files });
                     }
-                    Ok(Line::Answer(answer)) if !answer.file.is_empty() => {
+                    Ok(HostLine::Answer(answer)) if !answer.file.is_empty() => {
                         answered += 1;
-                        each(Line::Answer(answer));
+                        each(HostLine::Answer(answer));
                     }
                     // Hosts and their plugins say things of their own.
                     Ok(_) | Err(_) => tracing::debug!(line, "the host says"),
@@ -176,12 +176,12 @@ mod tests {
         let mode = std::os::unix::fs::PermissionsExt::from_mode(0o755);
         std::fs::set_permissions(&path, mode).expect("it is ours");
         let program = path.clone().into_os_string();
-        let host = Host::start(Some(&program), "info", 3, Some(OsStr::new("/c"))).expect("it starts");
+        let host = TextureHost::start(Some(&program), "info", 3, Some(OsStr::new("/c"))).expect("it starts");
         let mut heard = Vec::new();
         let result = host.ask(&[("/a \"b\".png", "raw"), ("/b.png", "auto")], |line| {
             heard.push(match line {
-                Line::Count { files } => files.to_string(),
-                Line::Answer(answer) => format!("{} {:?}", answer.file, answer.error),
+                HostLine::Count { files } => files.to_string(),
+                HostLine::Answer(answer) => format!("{} {:?}", answer.file, answer.error),
             });
         });
         std::fs::remove_file(path).expect("it is there");
@@ -207,7 +207,7 @@ mod tests {
         assert!(text(few).contains("answered for 1 files only"), "one is missing");
         let failed = text(hear("failed", "echo a library >&2; echo no plugin >&2; exit 1").1);
         assert!(failed.contains("failed (exit status: 1): a library | no plugin"), "{failed}");
-        let none = Host::start(Some(&"/no/such/host".into()), "info", 0, None).expect_err("nothing there");
+        let none = TextureHost::start(Some(&"/no/such/host".into()), "info", 0, None).expect_err("nothing there");
         assert!(format!("{none:#}").contains("cannot start /no/such/host"), "{none:#}");
     }
 }

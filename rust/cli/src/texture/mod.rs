@@ -11,28 +11,28 @@ use anyhow::{Context as _, Result, ensure};
 use std::ffi::OsString;
 use std::path::PathBuf;
 
-use self::bar::Bar;
-use self::host::{Answer, Host};
+use self::bar::TerminalBar;
+use self::host::{TextureAnswer, TextureHost};
 
 /// Options of `oocpt texture`.
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
     #[command(subcommand)]
-    command: Command,
+    command: TextureCommand,
 }
 
 #[derive(clap::Subcommand)]
-enum Command {
+enum TextureCommand {
     /// Decodes files into the texture cache, so that no render has to. What is there already, or read as it is, is
     /// left alone.
-    Convert(Convert),
+    Convert(ConvertArguments),
     /// Says what files are, how they are read, and what the cache has of them.
-    Info(Info),
+    Info(InfoArguments),
 }
 
 /// What both take.
 #[derive(clap::Args)]
-struct Common {
+struct CommonArguments {
     /// Texture files, sets of them with `<UDIM>` in their names, folders, or scenes, whose textures are taken as they
     /// are read there.
     #[arg(required = true)]
@@ -54,18 +54,18 @@ struct Common {
 }
 
 #[derive(clap::Args)]
-struct Convert {
+struct ConvertArguments {
     #[command(flatten)]
-    common: Common,
+    common: CommonArguments,
     /// Draws no progress bar.
     #[arg(long)]
     quiet: bool,
 }
 
 #[derive(clap::Args)]
-struct Info {
+struct InfoArguments {
     #[command(flatten)]
-    common: Common,
+    common: CommonArguments,
     /// Prints a JSON object a line.
     #[arg(long)]
     json: bool,
@@ -74,8 +74,8 @@ struct Info {
 /// Runs the command; fails when one of the files did.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let failed = match &arguments.command {
-        Command::Convert(convert) => {
-            let mut bar = Bar::new(!convert.quiet);
+        TextureCommand::Convert(convert) => {
+            let mut bar = TerminalBar::new(!convert.quiet);
             let (mut done, mut bytes) = (0_u64, 0_u64);
             let failed = ask(&convert.common, "convert", |count, answer| {
                 bar.step(count, &answer.file);
@@ -91,7 +91,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
             println!("{done} files are ready, {}", text::mib(bytes));
             failed
         }
-        Command::Info(info) => {
+        TextureCommand::Info(info) => {
             // In the order in which they were named, not in which they were done.
             let mut answers = Vec::new();
             let failed = ask(&info.common, "info", |_, answer| answers.push(answer))?;
@@ -110,14 +110,14 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
 }
 
 /// Has the host answer for all files; how many failed. `each` gets how many there are in all, and an answer.
-fn ask(common: &Common, command: &str, mut each: impl FnMut(u64, Answer)) -> Result<u64> {
+fn ask(common: &CommonArguments, command: &str, mut each: impl FnMut(u64, TextureAnswer)) -> Result<u64> {
     let wanted = files::expand(&common.files)?;
     let cache = common.cache.as_deref();
     let mut failed = 0;
     let mut count = wanted.missing.len() as u64;
     for (file, error) in wanted.missing {
         failed += 1;
-        each(count, Answer::failed(&file, &error));
+        each(count, TextureAnswer::failed(&file, &error));
     }
     let pairs = wanted
         .files
@@ -127,11 +127,11 @@ fn ask(common: &Common, command: &str, mut each: impl FnMut(u64, Answer)) -> Res
     if pairs.is_empty() {
         return Ok(failed);
     }
-    let host = Host::start(common.host.as_ref(), command, common.jobs, cache).context("oocpt texture")?;
+    let host = TextureHost::start(common.host.as_ref(), command, common.jobs, cache).context("oocpt texture")?;
     let missing = count;
     host.ask(&pairs, |line| match line {
-        host::Line::Count { files } => count = missing + files,
-        host::Line::Answer(answer) => {
+        host::HostLine::Count { files } => count = missing + files,
+        host::HostLine::Answer(answer) => {
             failed += u64::from(answer.error.is_some());
             each(count, *answer);
         }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! What is known of a file, in words.
 
-use super::host::Answer;
+use super::host::TextureAnswer;
 
 /// Bytes as MiB.
 #[expect(clippy::cast_precision_loss, reason = "sizes are shown, not computed with")]
@@ -10,9 +10,9 @@ pub(super) fn mib(bytes: u64) -> String {
 }
 
 /// Some lines.
-pub(super) fn describe(answer: &Answer) -> String {
+pub(super) fn describe(answer: &TextureAnswer) -> String {
     let plain = |text: &str| -> String { text.chars().filter(|c| !c.is_control()).collect() };
-    let Answer { size, levels, channels, format, .. } = answer;
+    let TextureAnswer { size, levels, channels, format, .. } = answer;
     let head = plain(&answer.file);
     if let Some(error) = &answer.error {
         return format!("{head}\n    error         {}\n", plain(error));
@@ -37,7 +37,7 @@ pub(super) fn describe(answer: &Answer) -> String {
     format!("{head}\n{lines}")
 }
 
-fn state(answer: &Answer) -> String {
+fn state(answer: &TextureAnswer) -> String {
     let cache = &answer.cache;
     match (answer.is_direct, cache.bytes, cache.first_level) {
         (true, ..) => "not needed: the file is read as it is".into(),
@@ -50,12 +50,12 @@ fn state(answer: &Answer) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::host::Entry;
+    use super::super::host::CachedTexture;
     use super::*;
 
     #[test]
     fn a_file_report_is_written_as_text() {
-        let answer = Answer {
+        let answer = TextureAnswer {
             file: "/a\u{1b}.png".into(),
             space: "auto".into(),
             size: [8, 4],
@@ -64,8 +64,13 @@ mod tests {
             format: "u8".into(),
             is_srgb: true,
             why: "the file says sRGB".into(),
-            cache: Entry { key: "k".into(), path: "/c/x.tx".into(), bytes: Some(3 << 20), first_level: Some(0) },
-            ..Answer::default()
+            cache: CachedTexture {
+                key: "k".into(),
+                path: "/c/x.tx".into(),
+                bytes: Some(3 << 20),
+                first_level: Some(0),
+            },
+            ..TextureAnswer::default()
         };
         let text = describe(&answer);
         let expected = "/a.png\n    size          8 x 4, levels: 1, not tiled\n    texels        3 channels of \
@@ -73,13 +78,21 @@ mod tests {
                         (sourceColorSpace auto)\n    cache         all levels, 3.0 MiB\n    key           k\n    \
                         entry         /c/x.tx\n";
         assert_eq!(text, expected, "without control characters");
-        let with = |cache: Entry| state(&Answer { cache, ..answer.clone() });
-        assert_eq!(with(Entry { bytes: None, first_level: None, ..answer.cache.clone() }), "nothing yet", "no entry");
-        assert_eq!(with(Entry { first_level: Some(2), ..answer.cache.clone() }), "from level 2 on, 3.0 MiB", "a part");
-        assert!(with(Entry::default()).starts_with("turned off"), "no cache");
-        assert!(state(&Answer { is_direct: true, ..answer.clone() }).starts_with("not needed"), "tiled");
-        let ptex = describe(&Answer { faces: Some(30), ..answer.clone() });
+        let with = |cache: CachedTexture| state(&TextureAnswer { cache, ..answer.clone() });
+        assert_eq!(
+            with(CachedTexture { bytes: None, first_level: None, ..answer.cache.clone() }),
+            "nothing yet",
+            "no entry"
+        );
+        assert_eq!(
+            with(CachedTexture { first_level: Some(2), ..answer.cache.clone() }),
+            "from level 2 on, 3.0 MiB",
+            "a part"
+        );
+        assert!(with(CachedTexture::default()).starts_with("turned off"), "no cache");
+        assert!(state(&TextureAnswer { is_direct: true, ..answer.clone() }).starts_with("not needed"), "tiled");
+        let ptex = describe(&TextureAnswer { faces: Some(30), ..answer.clone() });
         assert!(ptex.contains("size          Ptex, faces: 30\n"), "faces have sizes of their own: {ptex}");
-        assert!(describe(&Answer::failed("/b", "is\nbad")).contains("error         isbad"), "one line");
+        assert!(describe(&TextureAnswer::failed("/b", "is\nbad")).contains("error         isbad"), "one line");
     }
 }

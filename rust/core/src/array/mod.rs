@@ -66,7 +66,7 @@ pub enum ElementType {
 
 /// The number type inside an element.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Component {
+enum ComponentType {
     U8,
     I32,
     F16,
@@ -74,7 +74,7 @@ enum Component {
     F64,
 }
 
-impl Component {
+impl ComponentType {
     const fn size(self) -> usize {
         match self {
             Self::U8 => 1,
@@ -86,24 +86,24 @@ impl Component {
 }
 
 impl ElementType {
-    const fn layout(self) -> (Component, usize) {
+    const fn layout(self) -> (ComponentType, usize) {
         match self {
-            Self::Bool => (Component::U8, 1),
-            Self::I32 => (Component::I32, 1),
-            Self::F16 => (Component::F16, 1),
-            Self::F32 => (Component::F32, 1),
-            Self::F64 => (Component::F64, 1),
-            Self::Vec2h => (Component::F16, 2),
-            Self::Vec2f => (Component::F32, 2),
-            Self::Vec2d => (Component::F64, 2),
-            Self::Vec3h => (Component::F16, 3),
-            Self::Vec3f => (Component::F32, 3),
-            Self::Vec3d => (Component::F64, 3),
-            Self::Vec4h | Self::Quath => (Component::F16, 4),
-            Self::Vec4f | Self::Quatf => (Component::F32, 4),
-            Self::Vec4d | Self::Quatd => (Component::F64, 4),
-            Self::Matrix4f => (Component::F32, 16),
-            Self::Matrix4d => (Component::F64, 16),
+            Self::Bool => (ComponentType::U8, 1),
+            Self::I32 => (ComponentType::I32, 1),
+            Self::F16 => (ComponentType::F16, 1),
+            Self::F32 => (ComponentType::F32, 1),
+            Self::F64 => (ComponentType::F64, 1),
+            Self::Vec2h => (ComponentType::F16, 2),
+            Self::Vec2f => (ComponentType::F32, 2),
+            Self::Vec2d => (ComponentType::F64, 2),
+            Self::Vec3h => (ComponentType::F16, 3),
+            Self::Vec3f => (ComponentType::F32, 3),
+            Self::Vec3d => (ComponentType::F64, 3),
+            Self::Vec4h | Self::Quath => (ComponentType::F16, 4),
+            Self::Vec4f | Self::Quatf => (ComponentType::F32, 4),
+            Self::Vec4d | Self::Quatd => (ComponentType::F64, 4),
+            Self::Matrix4f => (ComponentType::F32, 16),
+            Self::Matrix4d => (ComponentType::F64, 16),
         }
     }
 
@@ -129,13 +129,13 @@ impl ElementType {
 
 /// Rust types that know their [`ElementType`]. Quaternions share memory with four-vectors: use
 /// [`TypedArray::from_vec`] for them.
-pub trait Element: Pod + Send + Sync {
+pub trait ArrayElement: Pod + Send + Sync {
     /// The element type of a `Vec<Self>`.
     const TYPE: ElementType;
 }
 
 macro_rules! elements {
-    ($($rust:ty => $element:ident),* $(,)?) => { $(impl Element for $rust { const TYPE: ElementType = ElementType::$element; })* };
+    ($($rust:ty => $element:ident),* $(,)?) => { $(impl ArrayElement for $rust { const TYPE: ElementType = ElementType::$element; })* };
 }
 elements! {
     i32 => I32, f16 => F16, f32 => F32, f64 => F64,
@@ -220,7 +220,7 @@ impl TypedArray {
 
     /// Takes over a vector whose Rust type says the element type.
     #[must_use]
-    pub fn of<T: Element + fmt::Debug>(values: Vec<T>) -> Self {
+    pub fn of<T: ArrayElement + fmt::Debug>(values: Vec<T>) -> Self {
         Self { element: T::TYPE, source: Arc::new(OwnedVec(values)) }
     }
 

@@ -5,13 +5,13 @@ use bytemuck::Pod;
 use glam::{DMat4, DQuat, DVec2, DVec3, DVec4};
 use half::f16;
 
-use super::{Component, ElementType};
+use super::{ComponentType, ElementType};
 
 /// A borrowed [`super::TypedArray`]: the accessors without a virtual call.
 #[derive(Clone, Copy, Debug)]
 pub struct ArrayView<'a> {
     element: ElementType,
-    component: Component,
+    component: ComponentType,
     components: usize,
     bytes: &'a [u8],
 }
@@ -76,10 +76,10 @@ impl<'a> ArrayView<'a> {
             return None;
         }
         match self.component {
-            Component::F16 => self.read::<f16, N>(i).map(|v| v.map(f16::to_f64)),
-            Component::F32 => self.read::<f32, N>(i).map(|v| v.map(f64::from)),
-            Component::F64 => self.read::<f64, N>(i),
-            Component::U8 | Component::I32 => None,
+            ComponentType::F16 => self.read::<f16, N>(i).map(|v| v.map(f16::to_f64)),
+            ComponentType::F32 => self.read::<f32, N>(i).map(|v| v.map(f64::from)),
+            ComponentType::F64 => self.read::<f64, N>(i),
+            ComponentType::U8 | ComponentType::I32 => None,
         }
     }
 
@@ -129,14 +129,14 @@ impl<'a> ArrayView<'a> {
     #[must_use]
     #[inline]
     pub fn index(&self, i: usize) -> Option<i32> {
-        if self.component == Component::I32 { self.read::<i32, 1>(i).map(|[v]| v) } else { None }
+        if self.component == ComponentType::I32 { self.read::<i32, 1>(i).map(|[v]| v) } else { None }
     }
 
     /// Element `i` of a bool array.
     #[must_use]
     #[inline]
     pub fn boolean(&self, i: usize) -> Option<bool> {
-        if self.component == Component::U8 { self.bytes.get(i).map(|&b| b != 0) } else { None }
+        if self.component == ComponentType::U8 { self.bytes.get(i).map(|&b| b != 0) } else { None }
     }
 }
 

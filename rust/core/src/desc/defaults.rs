@@ -6,7 +6,7 @@ use std::sync::Arc;
 use glam::DMat4;
 
 use super::{
-    InstancerDesc, InstancerMotion, LightDesc, LightKind, MeshDesc, PointsMotion, PrimDesc, Shape, Shaping,
+    InstancerDesc, InstancerMotion, LightDesc, LightKind, MeshDesc, PointsMotion, PrimDesc, PrimShape, ShapingCone,
     Subdivision, SubdivisionTags,
 };
 use crate::array::TypedArray;
@@ -41,7 +41,7 @@ impl Default for MeshDesc {
             hole_indices: None,
             points: TypedArray::of(Vec::<[f32; 3]>::new()),
             point_motion: PointsMotion::default(),
-            shape: Shape::Mesh,
+            shape: PrimShape::Mesh,
             solid: None,
             widths: None,
             normals: None,
@@ -97,7 +97,7 @@ impl Default for LightDesc {
     }
 }
 
-impl Default for Shaping {
+impl Default for ShapingCone {
     /// `UsdLuxShapingAPI`: a cone of 90 degrees, no focus, no profile.
     fn default() -> Self {
         Self {

@@ -101,7 +101,7 @@ impl LightKind {
 
 /// Where a light shines, about its local -z axis (`UsdLuxShapingAPI`).
 #[derive(Clone, Debug, PartialEq)]
-pub struct Shaping {
+pub struct ShapingCone {
     /// Half angle of the cone; 180 and more: no cone.
     pub cone_angle_degrees: f32,
     /// Share of the cone over which it fades out.
@@ -154,7 +154,7 @@ pub struct LightDesc {
     /// Multiplier of specular reflection.
     pub specular: f32,
     /// Where it shines; none: everywhere its kind does.
-    pub shaping: Option<Shaping>,
+    pub shaping: Option<ShapingCone>,
     /// False: nothing shadows it.
     pub shadow_enable: bool,
     /// Colour of its shadows.

@@ -12,11 +12,11 @@ mod solid;
 mod subdivision;
 
 pub use dropped::DroppedData;
-pub use light::{DomeFormat, LightDesc, LightKind, MaterialSync, ShadowReach, Shaping};
+pub use light::{DomeFormat, LightDesc, LightKind, MaterialSync, ShadowReach, ShapingCone};
 pub use motion::{InstancerMotion, InstancerSample, PointsMotion, PointsSample, TransformSample};
-pub use shape::{CurveBasis, CurveWrap, CurvesDesc, Shape};
-pub use solid::{AROUND, Solid, SolidSize};
-pub use subdivision::{Boundary, Creasing, FaceVaryingLinear, Subdivision, SubdivisionTags, TriangleRule};
+pub use shape::{CurveBasis, CurveWrap, CurvesDesc, PrimShape};
+pub use solid::{AROUND, SolidDesc, SolidSize};
+pub use subdivision::{BoundaryRule, CreaseRule, FaceVaryingLinear, Subdivision, SubdivisionTags, TriangleRule};
 
 use std::sync::Arc;
 
@@ -135,9 +135,9 @@ pub struct MeshDesc {
     /// How they move while the shutter is open.
     pub point_motion: PointsMotion,
     /// What they are.
-    pub shape: Shape,
+    pub shape: PrimShape,
     /// The solid that shape, points, faces, widths and normals are made of ([`MeshDesc::take_form`]).
-    pub solid: Option<Solid>,
+    pub solid: Option<SolidDesc>,
     /// Diameters of curves and points; a pixel where there are none.
     pub widths: Option<Primvar>,
     /// Authored normals, object space.

@@ -6,7 +6,7 @@ use crate::array::TypedArray;
 /// What the points of a prim are. Curves and points have widths ([`super::MeshDesc::widths`]); those of a mesh do not
 /// count.
 #[derive(Clone, Debug, Default)]
-pub enum Shape {
+pub enum PrimShape {
     /// Corners of polygons, or of the control mesh of a subdivision surface.
     #[default]
     Mesh,
@@ -19,7 +19,7 @@ pub enum Shape {
     ToyBoxes,
 }
 
-impl Shape {
+impl PrimShape {
     /// Tells shapes apart in hashes of what is made of them; none for a mesh.
     pub(crate) fn number(&self) -> Option<u8> {
         match self {

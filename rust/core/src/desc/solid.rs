@@ -12,7 +12,9 @@
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-use super::{CurveBasis, CurveWrap, CurvesDesc, Interpolation, MeshDesc, PointsSample, Primvar, Shape, Subdivision};
+use super::{
+    CurveBasis, CurveWrap, CurvesDesc, Interpolation, MeshDesc, PointsSample, PrimShape, Primvar, Subdivision,
+};
 use crate::array::TypedArray;
 
 /// Corners of a circle.
@@ -31,7 +33,7 @@ pub struct SolidSize {
 
 /// A solid of revolution around the origin.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Solid {
+pub struct SolidDesc {
     /// At the frame's own time.
     pub size: SolidSize,
     /// Parts of the shutter, in the order of time; fewer than two where it keeps its size.
@@ -44,7 +46,7 @@ pub struct Solid {
 
 /// Which parts a solid has at some time: so its faces are the same at all times.
 #[derive(Clone, Copy, Debug)]
-struct Parts {
+struct SolidParts {
     /// The ends of a flat solid that are points.
     closes: [bool; 2],
     /// There is a distance between the ends.
@@ -53,14 +55,14 @@ struct Parts {
 
 /// Points of a profile from the lower pole to the upper one.
 #[derive(Clone, Copy, Debug)]
-struct Station {
+struct ProfileStation {
     along: f64,
     radius: f64,
 }
 
 /// Rows of faces between stations, with the normals of the surface at its two ends.
 #[derive(Clone, Copy, Debug)]
-struct Band {
+struct ProfileBand {
     from: usize,
     /// Along the axis, and away from it.
     normals: [[f64; 2]; 2],
@@ -68,15 +70,15 @@ struct Band {
 
 /// Stations and what is between them.
 #[derive(Debug, Default)]
-struct Profile {
-    stations: Vec<Station>,
-    bands: Vec<Band>,
+struct SolidProfile {
+    stations: Vec<ProfileStation>,
+    bands: Vec<ProfileBand>,
 }
 
-impl Profile {
+impl SolidProfile {
     fn to(&mut self, along: f64, radius: f64, normals: [[f64; 2]; 2]) {
-        self.bands.push(Band { from: self.stations.len() - 1, normals });
-        self.stations.push(Station { along, radius });
+        self.bands.push(ProfileBand { from: self.stations.len() - 1, normals });
+        self.stations.push(ProfileStation { along, radius });
     }
 
     /// A quarter of a circle around the end of the axis at `along`, to the pole or from there.
@@ -110,11 +112,12 @@ impl SolidSize {
         height.hypot(lower - upper)
     }
 
-    fn profile(self, is_round: bool, parts: Parts) -> Profile {
+    fn profile(self, is_round: bool, parts: SolidParts) -> SolidProfile {
         let Self { radii: [lower, upper], height } = self.unsigned();
         let half = 0.5 * height;
         let pole = if is_round { -half - lower } else { -half };
-        let mut profile = Profile { stations: vec![Station { along: pole, radius: 0.0 }], ..Profile::default() };
+        let mut profile =
+            SolidProfile { stations: vec![ProfileStation { along: pole, radius: 0.0 }], ..SolidProfile::default() };
         let length = self.length();
         let slant = if length > 0.0 { [(lower - upper) / length, height / length] } else { [0.0, 1.0] };
         if is_round {
@@ -136,7 +139,7 @@ impl SolidSize {
 
 /// A mesh.
 #[derive(Debug, Default)]
-struct Polygons {
+struct PolygonMesh {
     counts: Vec<i32>,
     corners: Vec<i32>,
     points: Vec<[f32; 3]>,
@@ -144,7 +147,7 @@ struct Polygons {
     normals: Vec<[f32; 3]>,
 }
 
-impl Solid {
+impl SolidDesc {
     /// True where the size is a number at all times.
     #[must_use]
     pub fn is_usable(&self) -> bool {
@@ -191,13 +194,13 @@ impl Solid {
         vec![(2.0 * size.radii[0].abs()) as f32; if self.is_ball() { 1 } else { 2 }]
     }
 
-    fn polygons(&self, size: SolidSize) -> Polygons {
+    fn polygons(&self, size: SolidSize) -> PolygonMesh {
         let closes = [0, 1].map(|end| self.sizes().all(|size| size.radii[end].abs() <= 0.0));
         if closes == [true; 2] {
-            return Polygons::default();
+            return PolygonMesh::default();
         }
         let has_body = self.sizes().any(|size| size.length() > 0.0);
-        let profile = size.profile(self.is_round, Parts { closes, has_body });
+        let profile = size.profile(self.is_round, SolidParts { closes, has_body });
         let direction = |place: f64| {
             let (sine, cosine) = (TAU * place / f64::from(AROUND)).sin_cos();
             [cosine, sine]
@@ -205,7 +208,7 @@ impl Solid {
         let directions: Vec<[f64; 2]> = (0..AROUND).map(|at| direction(f64::from(at))).collect();
         let last = profile.stations.len() - 1;
         let is_pole = |station: usize| station == 0 || station == last;
-        let mut out = Polygons::default();
+        let mut out = PolygonMesh::default();
         let mut first = Vec::new();
         for (number, station) in profile.stations.iter().enumerate() {
             first.push(i32::try_from(out.points.len()).unwrap_or(0));
@@ -245,7 +248,7 @@ impl MeshDesc {
     pub fn take_form(&mut self, polygons: bool) -> bool {
         let Some(solid) = self.solid.take_if(|solid| solid.is_usable()) else { return false };
         let polygons = polygons || !solid.has_exact_form();
-        let is_formed = !self.points.is_empty() && polygons == matches!(self.shape, Shape::Mesh);
+        let is_formed = !self.points.is_empty() && polygons == matches!(self.shape, PrimShape::Mesh);
         if !is_formed {
             self.form(&solid, polygons);
         }
@@ -266,23 +269,23 @@ impl MeshDesc {
         }
     }
 
-    fn form(&mut self, solid: &Solid, polygons: bool) {
+    fn form(&mut self, solid: &SolidDesc, polygons: bool) {
         self.subdivision = Subdivision::None;
         self.left_handed = false;
         (self.widths, self.normals) = (None, None);
         self.face_vertex_counts = TypedArray::of(Vec::<i32>::new());
         self.face_vertex_indices = TypedArray::of(Vec::<i32>::new());
-        self.shape = if polygons { Shape::Mesh } else { Shape::Points };
+        self.shape = if polygons { PrimShape::Mesh } else { PrimShape::Points };
         let primvar = |interpolation, values| Some(Primvar { interpolation, values, indices: None });
         let samples = if solid.samples.len() > 1 { &solid.samples[..] } else { &[] };
         if polygons {
-            let Polygons { counts, corners, points, normals } = solid.polygons(solid.size);
+            let PolygonMesh { counts, corners, points, normals } = solid.polygons(solid.size);
             self.face_vertex_counts = TypedArray::of(counts);
             self.face_vertex_indices = TypedArray::of(corners);
             self.points = TypedArray::of(points);
             self.normals = primvar(Interpolation::FaceVarying, TypedArray::of(normals));
             let sample = |(time, size): &(f64, SolidSize)| {
-                let Polygons { points, normals, .. } = solid.polygons(*size);
+                let PolygonMesh { points, normals, .. } = solid.polygons(*size);
                 let (points, normals) = (TypedArray::of(points), Some(TypedArray::of(normals)));
                 PointsSample { time: *time, points, normals, widths: None }
             };
@@ -291,7 +294,7 @@ impl MeshDesc {
         }
         let centers = solid.centers(solid.size);
         if let &[_, _] = &centers[..] {
-            self.shape = Shape::Curves(CurvesDesc {
+            self.shape = PrimShape::Curves(CurvesDesc {
                 basis: CurveBasis::Linear,
                 wrap: CurveWrap::Nonperiodic,
                 counts: TypedArray::of(vec![2_i32]),

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! What a mesh says of its limit surface (`UsdGeomMesh`, Hydra's `subdivisionTags` and refine level).
 
-pub use oocpt_subdiv::{Boundary, Creasing, FaceVaryingLinear, TriangleRule};
+pub use oocpt_subdiv::{BoundaryRule, CreaseRule, FaceVaryingLinear, TriangleRule};
 
 use crate::array::TypedArray;
 
@@ -23,13 +23,13 @@ pub enum Subdivision {
 #[derive(Clone, Debug, Default)]
 pub struct SubdivisionTags {
     /// `interpolateBoundary`.
-    pub boundary: Boundary,
+    pub boundary: BoundaryRule,
     /// `faceVaryingLinearInterpolation`.
     pub face_varying: FaceVaryingLinear,
     /// `triangleSubdivisionRule`.
     pub triangles: TriangleRule,
     /// How sharpness goes down from level to level. USD has no attribute for it: uniform.
-    pub creasing: Creasing,
+    pub creasing: CreaseRule,
     /// Points along creases, crease after crease (ints).
     pub crease_indices: Option<TypedArray>,
     /// Points of each crease (ints).

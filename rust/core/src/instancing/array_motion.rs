@@ -5,7 +5,7 @@ use glam::{DQuat, DVec3};
 
 use super::motion::MAX_KEYS;
 use super::moving::KeyPlacer;
-use super::placement::{InstanceArrays, Placer};
+use super::placement::{InstanceArrays, InstancePlacer};
 use crate::array::{ArrayView, TypedArray};
 use crate::desc::{InstancerDesc, InstancerMotion, InstancerSample, TransformSample};
 
@@ -152,7 +152,7 @@ impl ArrayMotion {
 
     /// The placers of the keys, given that of the arrays themselves.
     #[expect(clippy::cast_possible_truncation, reason = "keys have times in single precision")]
-    pub(crate) fn placers<'a>(&'a self, arrays: &'a InstanceArrays, placer: &Placer<'a>) -> Vec<KeyPlacer<'a>> {
+    pub(crate) fn placers<'a>(&'a self, arrays: &'a InstanceArrays, placer: &InstancePlacer<'a>) -> Vec<KeyPlacer<'a>> {
         match self {
             Self::Samples(samples) => samples
                 .iter()

@@ -7,9 +7,9 @@ use std::sync::Arc;
 use bitflags::bitflags;
 
 use super::instance_primvars::{ColumnReader, InstanceColumn, MemberPrimvar, value_bytes, write_value};
-use super::motion::{Keys, MotionKey};
-use super::placement::Placed;
-use super::run::Run;
+use super::motion::{MotionKey, PlacementKeys};
+use super::placement::PlacedInstance;
+use super::run::InstanceRun;
 use crate::mesh::Aabb;
 
 /// Bytes that an instance record counts when chunks are sized. On the device it takes 64, and a third of a node of 64
@@ -20,7 +20,7 @@ pub const KEY_BYTES: u64 = size_of::<oocpt_abi::GpuMotionKey>() as u64;
 
 /// What an instance record places.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Target {
+pub enum InstanceTarget {
     /// Index into [`crate::scene::Snapshot::meshes`].
     Mesh(u32),
     /// Index into [`crate::scene::Snapshot::assemblies`].
@@ -42,7 +42,7 @@ pub struct InstanceRecord {
     /// Rows of the affine matrix from the assembly's frame to the target's.
     pub object_from_parent: [[f32; 4]; 3],
     /// What is placed.
-    pub target: Target,
+    pub target: InstanceTarget,
     /// Prim id of the mesh prim; -1 when the target is an assembly.
     pub prim_id: i32,
     /// Rank of the instance among the unmasked instances of its prototype; 0 when not placed by an instancer.
@@ -62,7 +62,7 @@ impl Default for InstanceRecord {
     fn default() -> Self {
         Self {
             object_from_parent: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
-            target: Target::Mesh(0),
+            target: InstanceTarget::Mesh(0),
             prim_id: -1,
             index_in_prototype: 0,
             prototype_count: 1,
@@ -75,11 +75,11 @@ impl Default for InstanceRecord {
 
 /// A run and what it places.
 #[derive(Clone, Debug)]
-pub(crate) struct Member {
+pub(crate) struct AssemblyMember {
     /// The placements.
-    pub(crate) run: Arc<Run>,
+    pub(crate) run: Arc<InstanceRun>,
     /// What they place.
-    pub(crate) target: Target,
+    pub(crate) target: InstanceTarget,
     /// Prim id of the mesh prim, -1 for assemblies.
     pub(crate) prim_id: i32,
     /// The mesh, or the instancer.
@@ -90,7 +90,7 @@ pub(crate) struct Member {
     pub(crate) primvars: Vec<MemberPrimvar>,
 }
 
-impl Member {
+impl AssemblyMember {
     fn is_same(&self, other: &Self) -> bool {
         Arc::ptr_eq(&self.run, &other.run)
             && self.target == other.target
@@ -106,7 +106,7 @@ pub struct Assembly {
     /// The clusters of one mesh.
     is_split_mesh: bool,
     bounds: Aabb,
-    members: Vec<Member>,
+    members: Vec<AssemblyMember>,
     /// First record of each member, then the number of records.
     starts: Vec<usize>,
     columns: Vec<InstanceColumn>,
@@ -115,7 +115,7 @@ pub struct Assembly {
 }
 
 impl Assembly {
-    pub(crate) fn new(key: u64, members: Vec<Member>, is_split_mesh: bool) -> Self {
+    pub(crate) fn new(key: u64, members: Vec<AssemblyMember>, is_split_mesh: bool) -> Self {
         let mut starts = Vec::with_capacity(members.len() + 1);
         let mut len = 0_usize;
         starts.push(0);
@@ -130,7 +130,7 @@ impl Assembly {
         Self { key, is_split_mesh, bounds, members, starts, columns, moves }
     }
 
-    pub(crate) fn members(&self) -> &[Member] {
+    pub(crate) fn members(&self) -> &[AssemblyMember] {
         &self.members
     }
 
@@ -141,7 +141,7 @@ impl Assembly {
     }
 
     /// True when `members` would give the same records.
-    pub(crate) fn is_made_of(&self, members: &[Member]) -> bool {
+    pub(crate) fn is_made_of(&self, members: &[AssemblyMember]) -> bool {
         self.members.len() == members.len() && self.members.iter().zip(members).all(|(a, b)| a.is_same(b))
     }
 
@@ -160,9 +160,9 @@ impl Assembly {
 
     /// What it places, each target once, in no particular order of members. Sorted.
     #[must_use]
-    pub fn targets(&self) -> Vec<Target> {
+    pub fn targets(&self) -> Vec<InstanceTarget> {
         let placed = self.members.iter().filter(|member| member.run.len() > 0);
-        let mut targets: Vec<Target> = placed.map(|member| member.target).collect();
+        let mut targets: Vec<InstanceTarget> = placed.map(|member| member.target).collect();
         targets.sort_unstable();
         targets.dedup();
         targets
@@ -244,7 +244,7 @@ impl Assembly {
         if !self.moves {
             return 0;
         }
-        let keys = |(member, start): (&Member, &usize)| {
+        let keys = |(member, start): (&AssemblyMember, &usize)| {
             record.saturating_sub(*start).min(member.run.len()) * member.run.key_count()
         };
         self.members.iter().zip(&self.starts).map(keys).sum()
@@ -271,7 +271,12 @@ impl Assembly {
 
     /// Gives `visit` the records whose target and prim id are `wanted`, with member, rank and, where they move, keys,
     /// at most `most`, in order; tells whether these were all.
-    pub(crate) fn encode_where(&self, wanted: &dyn Fn(Target, i32) -> bool, most: usize, visit: Visit<'_>) -> bool {
+    pub(crate) fn encode_where(
+        &self,
+        wanted: &dyn Fn(InstanceTarget, i32) -> bool,
+        most: usize,
+        visit: RecordVisitor<'_>,
+    ) -> bool {
         let mut room = most;
         for member in self.members.iter().filter(|member| wanted(member.target, member.prim_id)) {
             let count = member.run.len();
@@ -289,9 +294,9 @@ impl Assembly {
 }
 
 /// Takes a record, its member, its rank and, where it moves, its keys.
-pub(crate) type Visit<'a> = &'a mut dyn FnMut(InstanceRecord, &Member, u32, Option<Keys>);
+pub(crate) type RecordVisitor<'a> = &'a mut dyn FnMut(InstanceRecord, &AssemblyMember, u32, Option<PlacementKeys>);
 
-impl Member {
+impl AssemblyMember {
     /// What tells members of an assembly apart and orders them.
     pub(crate) fn name(&self) -> (&str, usize) {
         (&self.path, self.slot)
@@ -320,7 +325,7 @@ impl Member {
     }
 
     /// The record of a placement.
-    pub(crate) fn record(&self, rank: u32, placed: &Placed) -> InstanceRecord {
+    pub(crate) fn record(&self, rank: u32, placed: &PlacedInstance) -> InstanceRecord {
         InstanceRecord {
             object_from_parent: placed.object_from_parent,
             target: self.target,

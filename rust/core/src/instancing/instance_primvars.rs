@@ -11,8 +11,8 @@ use std::sync::{Arc, OnceLock};
 
 use rayon::prelude::*;
 
-use super::reader::Numbers;
-use super::run::Run;
+use super::reader::InstanceNumbers;
+use super::run::InstanceRun;
 use crate::array::{ArrayView, ElementType, TypedArray};
 use crate::desc::{InstancerDesc, Interpolation, Primvar};
 
@@ -35,7 +35,7 @@ pub(crate) fn value_bytes(columns: &[InstanceColumn]) -> u64 {
 
 /// What looking at all values of a primvar gives.
 #[derive(Clone, Copy, Debug)]
-struct Findings {
+struct PrimvarFindings {
     /// Values that are not finite, or whose index is out of range.
     bad: u64,
     /// True when every value is at least 1.
@@ -48,7 +48,7 @@ pub(crate) struct InstancePrimvar {
     pub(crate) name: Arc<str>,
     values: TypedArray,
     indices: Option<TypedArray>,
-    findings: OnceLock<Findings>,
+    findings: OnceLock<PrimvarFindings>,
 }
 
 impl InstancePrimvar {
@@ -93,23 +93,26 @@ impl InstancePrimvar {
         len >= count && indexed && self.width().is_some()
     }
 
-    fn findings(&self) -> Findings {
+    fn findings(&self) -> PrimvarFindings {
         *self.findings.get_or_init(|| {
             let values = ValueReader::of(self, 1);
             let count = self.indices.as_ref().map_or(self.values.len(), TypedArray::len);
             let width = self.width().unwrap_or(1) as usize;
             let look = |first: usize| {
-                let mut found = Findings { bad: 0, all_one: true };
+                let mut found = PrimvarFindings { bad: 0, all_one: true };
                 for number in first..(first + TASK).min(count) {
                     match values.at(number) {
                         Some(value) => found.all_one &= value[..width].iter().all(|v| *v >= 1.0),
-                        None => found = Findings { bad: found.bad + 1, all_one: false },
+                        None => found = PrimvarFindings { bad: found.bad + 1, all_one: false },
                     }
                 }
                 found
             };
-            let both = |a: Findings, b: Findings| Findings { bad: a.bad + b.bad, all_one: a.all_one && b.all_one };
-            let nothing = || Findings { bad: 0, all_one: true };
+            let both = |a: PrimvarFindings, b: PrimvarFindings| PrimvarFindings {
+                bad: a.bad + b.bad,
+                all_one: a.all_one && b.all_one,
+            };
+            let nothing = || PrimvarFindings { bad: 0, all_one: true };
             (0..count.div_ceil(TASK)).into_par_iter().map(|task| look(task * TASK)).reduce(nothing, both)
         })
     }
@@ -196,13 +199,13 @@ impl<'a> ValueReader<'a> {
 
 /// Values of one column by rank of a run.
 pub(crate) struct ColumnReader<'a> {
-    numbers: Numbers<'a>,
+    numbers: InstanceNumbers<'a>,
     values: ValueReader<'a>,
 }
 
 impl<'a> ColumnReader<'a> {
     /// `None` when there is no such column.
-    pub(crate) fn new(run: &'a Run, primvars: &'a [MemberPrimvar], column: InstanceColumn) -> Option<Self> {
+    pub(crate) fn new(run: &'a InstanceRun, primvars: &'a [MemberPrimvar], column: InstanceColumn) -> Option<Self> {
         let found = primvars.iter().find(|primvar| primvar.column() == column)?;
         Some(Self { numbers: run.numbers(), values: ValueReader::of(&found.primvar, column.width) })
     }

@@ -4,7 +4,7 @@
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 
-use super::placement::{Footprint, MATRIX_ERROR, nearest};
+use super::placement::{InstanceFootprint, MATRIX_ERROR, nearest};
 
 /// Far beyond any position, and finite in single precision.
 const HUGE: f64 = 1e30;
@@ -13,7 +13,7 @@ const POSITION_ERROR: f64 = 1.0 / 8_388_608.0;
 
 /// Where a member lies in the order of an assembly: Morton code, then member, then rank.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) struct Key {
+pub(crate) struct ItemKey {
     pub(crate) code: u64,
     /// Number of the member in its assembly (high half), rank of the instance (low half).
     pub(crate) id: u64,
@@ -22,21 +22,21 @@ pub(crate) struct Key {
 /// One placement on its way into a chunk.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
-pub(crate) struct Item {
+pub(crate) struct PlacementItem {
     /// The Morton code; before it is placed: x and y of the centre.
     code: u64,
     /// Member and rank; before: z of the centre and the rank.
     id: u64,
     /// Half sides with what the rounding of the target's own offset may add; upper halves of f32s, rounded up.
     half: [u16; 3],
-    /// [`Footprint::spread`], in the same form.
+    /// [`InstanceFootprint::spread`], in the same form.
     spread: u16,
 }
 
-impl Item {
+impl PlacementItem {
     /// An item that is not on a lattice yet.
     #[inline]
-    pub(crate) fn new(footprint: &Footprint, rank: u32) -> Self {
+    pub(crate) fn new(footprint: &InstanceFootprint, rank: u32) -> Self {
         let [x, y, z] = footprint.center.to_array().map(|v| u64::from(nearest(v).to_bits()));
         let own = footprint.spread * footprint.lever * MATRIX_ERROR;
         let half = footprint.half + own + footprint.center.abs() * POSITION_ERROR;
@@ -46,8 +46,8 @@ impl Item {
 
     /// Position in the order.
     #[inline]
-    pub(crate) fn key(&self) -> Key {
-        Key { code: self.code, id: self.id }
+    pub(crate) fn key(&self) -> ItemKey {
+        ItemKey { code: self.code, id: self.id }
     }
 
     /// The Morton code.
@@ -83,7 +83,7 @@ impl Item {
         float(x.max(y).max(z))
     }
 
-    /// [`Footprint::spread`], rounded up.
+    /// [`InstanceFootprint::spread`], rounded up.
     #[inline]
     pub(crate) fn spread(&self) -> f32 {
         float(self.spread)

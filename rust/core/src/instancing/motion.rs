@@ -99,14 +99,14 @@ fn rotation_of(m: &DMat3) -> Option<DMat3> {
 
 /// The keys of a placement, in the order of time.
 #[derive(Clone, Debug)]
-pub(crate) struct Keys {
+pub(crate) struct PlacementKeys {
     all: [MotionKey; MAX_KEYS],
     count: usize,
 }
 
 /// The box of something that moves, about its way.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Swept {
+pub(crate) struct SweptBounds {
     pub(crate) min: DVec3,
     pub(crate) max: DVec3,
     /// What the rounding of the maps is magnified by (maximum norm of `|M| |M^-1|`), at any time.
@@ -117,7 +117,7 @@ pub(crate) struct Swept {
     pub(crate) flips: bool,
 }
 
-impl Keys {
+impl PlacementKeys {
     pub(crate) fn new() -> Self {
         Self { all: [MotionKey::NONE; MAX_KEYS], count: 0 }
     }
@@ -156,7 +156,7 @@ impl Keys {
     /// The box of `center +- half` while the shutter is open. Between two measured places a point leaves its chord by
     /// at most `h^2 / 8` of its largest acceleration; only rotation accelerates: by `angle^2 * radius`, and with a
     /// stretch that changes by twice `angle * change` more.
-    pub(crate) fn sweep(&self, center: DVec3, half: DVec3) -> Swept {
+    pub(crate) fn sweep(&self, center: DVec3, half: DVec3) -> SweptBounds {
         let keys = self.as_slice();
         let (mut min, mut max, mut lever) = (DVec3::INFINITY, DVec3::NEG_INFINITY, 0.0_f64);
         let corner = center.abs() + half;
@@ -197,7 +197,7 @@ impl Keys {
         let condition = keys.iter().map(|key| norm_of(&key.stretch)).fold(0.0, f64::max) * inverses;
         let spread = 3.0 * if sheared { condition * condition } else { condition };
         let flips = keys.first().is_some_and(|key| key.stretch.x_axis.x < 0.0);
-        Swept { min: min - away, max: max + away, spread, lever, flips }
+        SweptBounds { min: min - away, max: max + away, spread, lever, flips }
     }
 }
 
@@ -206,7 +206,7 @@ impl Keys {
 pub(crate) fn motion_keys(maps: &[(f64, DAffine3)]) -> Option<Vec<MotionKey>> {
     let mut maps = maps.to_vec();
     super::array_motion::thin_out(&mut maps);
-    let mut keys = Keys::new();
+    let mut keys = PlacementKeys::new();
     #[expect(clippy::cast_possible_truncation, reason = "keys have times in single precision")]
     let key = |(time, map): &(f64, DAffine3)| MotionKey::of(*time as f32, map);
     maps.iter().all(|map| key(map).is_some_and(|key| keys.push(key))).then(|| keys.as_slice().to_vec())
@@ -215,7 +215,7 @@ pub(crate) fn motion_keys(maps: &[(f64, DAffine3)]) -> Option<Vec<MotionKey>> {
 /// The box of `center +- half` of what moves by `keys` while the shutter is open, with what a box of it at any time
 /// may round.
 pub(crate) fn swept_box(keys: &[MotionKey], center: DVec3, half: DVec3) -> (DVec3, DVec3) {
-    let mut all = Keys::new();
+    let mut all = PlacementKeys::new();
     for (slot, key) in all.all.iter_mut().zip(keys) {
         *slot = *key;
     }
@@ -263,8 +263,8 @@ mod tests {
     use super::*;
     use glam::DMat4;
 
-    fn keys(maps: &[(f32, DAffine3)]) -> Keys {
-        let mut keys = Keys::new();
+    fn keys(maps: &[(f32, DAffine3)]) -> PlacementKeys {
+        let mut keys = PlacementKeys::new();
         for (time, map) in maps {
             assert!(keys.push(MotionKey::of(*time, map).expect("regular")), "they belong together");
         }
@@ -324,7 +324,7 @@ mod tests {
 
     #[test]
     fn motion_through_a_mirrored_transform_is_refused() {
-        let mut keys = Keys::new();
+        let mut keys = PlacementKeys::new();
         assert!(keys.push(MotionKey::of(0.0, &DAffine3::IDENTITY).expect("regular")));
         let mirrored = DAffine3::from_scale(DVec3::new(-1.0, 1.0, 1.0));
         assert!(!keys.push(MotionKey::of(1.0, &mirrored).expect("regular")), "it would be flat on the way");

@@ -4,18 +4,18 @@
 use glam::{DAffine3, DVec3};
 
 use super::array_motion::VelocityMotion;
-use super::motion::{KEY_ERROR, Keys, MotionKey};
-use super::placement::{Footprint, MATRIX_ERROR, MAX_MAGNITUDE, Placer};
+use super::motion::{KEY_ERROR, MotionKey, PlacementKeys};
+use super::placement::{InstanceFootprint, InstancePlacer, MATRIX_ERROR, MAX_MAGNITUDE};
 use crate::array::TypedArray;
 
 /// A placer of one time of the shutter.
 #[derive(Clone, Debug)]
 pub(crate) struct KeyPlacer<'a> {
     pub(crate) time: f32,
-    pub(crate) placer: Placer<'a>,
+    pub(crate) placer: InstancePlacer<'a>,
 }
 
-impl<'a> Placer<'a> {
+impl<'a> InstancePlacer<'a> {
     /// The same at another time, when the arrays are these and `drift` has gone on.
     pub(crate) fn at_time(&self, arrays: [Option<&'a TypedArray>; 4], drift: Option<VelocityMotion<'a>>) -> Self {
         let [translations, rotations, scales, transforms] = arrays.map(|array| array.map(TypedArray::view));
@@ -34,9 +34,9 @@ impl<'a> Placer<'a> {
 
     /// The keys of a placement of what moves, one for each time, and whether they move it: where
     /// one of them cannot be used, all are the placement as it is at the frame's own time.
-    pub(crate) fn keys(&self, number: Option<usize>) -> Option<(Keys, bool)> {
+    pub(crate) fn keys(&self, number: Option<usize>) -> Option<(PlacementKeys, bool)> {
         let all = self.keys.as_ref()?;
-        let mut keys = Keys::new();
+        let mut keys = PlacementKeys::new();
         let usable = all.iter().all(|key| {
             // Decided in the parent's frame, whichever this one is.
             let map = key.placer.matrix(number).filter(|m| {
@@ -49,7 +49,7 @@ impl<'a> Placer<'a> {
             return Some((keys, true));
         }
         let map = self.matrix(number)?;
-        let mut still = Keys::new();
+        let mut still = PlacementKeys::new();
         for key in all.iter() {
             still.push(MotionKey::of(key.time, &map)?);
         }
@@ -57,7 +57,7 @@ impl<'a> Placer<'a> {
     }
 
     /// Box of what moves, with what rounding adds; and what chunks need to know. `None` when it is too extreme.
-    pub(super) fn swept(&self, number: Option<usize>) -> Option<([DVec3; 2], Footprint, bool)> {
+    pub(super) fn swept(&self, number: Option<usize>) -> Option<([DVec3; 2], InstanceFootprint, bool)> {
         let (keys, _) = self.keys(number)?;
         let swept = keys.sweep(self.center, self.half);
         let center = 0.5 * (swept.min + swept.max);
@@ -68,7 +68,7 @@ impl<'a> Placer<'a> {
         let error = swept.spread * KEY_ERROR * ((center.abs() + half).max_element() + lever);
         let bounds = [swept.min - error, swept.max + error];
         let sound = bounds.iter().all(|v| v.abs().max_element() <= f64::from(self.limit));
-        let footprint = Footprint { center, half, spread, lever };
+        let footprint = InstanceFootprint { center, half, spread, lever };
         sound.then_some((bounds, footprint, swept.flips))
     }
 

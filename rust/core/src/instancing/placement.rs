@@ -127,7 +127,7 @@ pub(crate) fn is_regular(m: &DMat3, determinant: f64) -> bool {
 
 /// A placed instance.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Placed {
+pub(crate) struct PlacedInstance {
     /// Rows of the inverse matrix.
     pub(crate) object_from_parent: [[f32; 4]; 3],
     /// Box in the parent's frame, rounded outward.
@@ -138,7 +138,7 @@ pub(crate) struct Placed {
 
 /// What the partition needs to know of a placed instance: where it is and how large, in the parent's frame.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Footprint {
+pub(crate) struct InstanceFootprint {
     /// Centre of the target's box, placed.
     pub(crate) center: DVec3,
     /// Half sides of the placed box, without rounding errors.
@@ -151,7 +151,7 @@ pub(crate) struct Footprint {
 
 /// Everything needed to place the instances of one run: `before * T * R * S * M * after`.
 #[derive(Clone, Debug)]
-pub(crate) struct Placer<'a> {
+pub(crate) struct InstancePlacer<'a> {
     pub(super) before: DAffine3,
     pub(super) after: DAffine3,
     pub(super) after_is_identity: bool,
@@ -170,7 +170,7 @@ pub(crate) struct Placer<'a> {
     pub(super) keys: Option<Arc<[KeyPlacer<'a>]>>,
 }
 
-impl<'a> Placer<'a> {
+impl<'a> InstancePlacer<'a> {
     /// A placer of something with the box `bounds` (not empty).
     pub(crate) fn new(before: DAffine3, after: DAffine3, arrays: Option<&'a InstanceArrays>, bounds: &Aabb) -> Self {
         let min = DVec3::from(bounds.min.map(f64::from));
@@ -234,7 +234,8 @@ impl<'a> Placer<'a> {
         Some(m)
     }
 
-    /// Reads a byte of everything that [`Placer::matrix`] will need: for loops that go through memory without order.
+    /// Reads a byte of everything that [`InstancePlacer::matrix`] will need: for loops that go through memory without
+    /// order.
     #[inline]
     pub(crate) fn touch(&self, number: usize) -> u8 {
         let views = [&self.translations, &self.rotations, &self.scales, &self.transforms];
@@ -251,12 +252,12 @@ impl<'a> Placer<'a> {
         Some(if self.after_is_identity { m } else { m * self.after })
     }
 
-    /// Places instance `number` (see [`Placer::matrix`]); `None` when its matrix is singular, not finite, or too
-    /// extreme for single precision.
+    /// Places instance `number` (see [`InstancePlacer::matrix`]); `None` when its matrix is singular, not finite, or
+    /// too extreme for single precision.
     #[inline]
-    pub(crate) fn place(&self, number: Option<usize>) -> Option<Placed> {
+    pub(crate) fn place(&self, number: Option<usize>) -> Option<PlacedInstance> {
         let m = self.matrix(number)?;
-        let inverse = Inverse::of(&m)?;
+        let inverse = InversePlacement::of(&m)?;
         let placed = self.rounded(&inverse, &self.placed_box(&m, &inverse).0)?;
         if self.keys.is_none() {
             return Some(placed);
@@ -264,15 +265,15 @@ impl<'a> Placer<'a> {
         let ([min, max], _, flips) = self.swept(number)?;
         let bounds = Aabb { min: min.to_array().map(round_down), max: max.to_array().map(round_up) };
         let flags = if flips { InstanceFlags::FLIPS_HANDEDNESS } else { InstanceFlags::empty() };
-        Some(Placed { bounds, flags, ..placed })
+        Some(PlacedInstance { bounds, flags, ..placed })
     }
 
-    /// As [`Placer::place`], for partitioning: lower and upper corner of the box before it is rounded outward, and what
-    /// chunks need to know.
+    /// As [`InstancePlacer::place`], for partitioning: lower and upper corner of the box before it is rounded outward,
+    /// and what chunks need to know.
     #[inline]
-    pub(crate) fn measure(&self, number: Option<usize>) -> Option<([DVec3; 2], Footprint)> {
+    pub(crate) fn measure(&self, number: Option<usize>) -> Option<([DVec3; 2], InstanceFootprint)> {
         let m = self.matrix(number)?;
-        let inverse = Inverse::of(&m)?;
+        let inverse = InversePlacement::of(&m)?;
         let (corners, footprint) = self.placed_box(&m, &inverse);
         // NaN fails the comparison. What is not clearly far below the limit is looked at closely.
         let size = |v: DVec3| v.abs().element_sum();
@@ -286,19 +287,19 @@ impl<'a> Placer<'a> {
         sound.then_some((corners, footprint))
     }
 
-    /// What [`Placer::measure`] gives of a usable instance, without its box.
+    /// What [`InstancePlacer::measure`] gives of a usable instance, without its box.
     #[inline]
-    pub(crate) fn footprint(&self, number: Option<usize>) -> Option<Footprint> {
+    pub(crate) fn footprint(&self, number: Option<usize>) -> Option<InstanceFootprint> {
         if self.keys.is_some() {
             return self.measure(number).map(|(_, footprint)| footprint);
         }
         let m = self.matrix(number)?;
-        Some(self.placed_box(&m, &Inverse::of(&m)?).1)
+        Some(self.placed_box(&m, &InversePlacement::of(&m)?).1)
     }
 
     /// In single precision; `None` when that is too extreme.
     #[inline]
-    fn rounded(&self, inverse: &Inverse, [min, max]: &[DVec3; 2]) -> Option<Placed> {
+    fn rounded(&self, inverse: &InversePlacement, [min, max]: &[DVec3; 2]) -> Option<PlacedInstance> {
         let row = |k: usize| inverse.rows[k].extend(inverse.offset[k]).to_array().map(nearest);
         let object_from_parent = [row(0), row(1), row(2)];
         let bounds = Aabb { min: min.to_array().map(round_down), max: max.to_array().map(round_up) };
@@ -307,14 +308,14 @@ impl<'a> Placer<'a> {
         let sound = below(object_from_parent.as_flattened()) & below(&bounds.min) & below(&bounds.max);
         let flips = inverse.determinant < 0.0;
         let flags = if flips { InstanceFlags::FLIPS_HANDEDNESS } else { InstanceFlags::empty() };
-        sound.then_some(Placed { object_from_parent, bounds, flags })
+        sound.then_some(PlacedInstance { object_from_parent, bounds, flags })
     }
 
     /// Box of the target placed by `m`, and also where the f32 rounding `A + E` of the inverse `A = (rows, offset)`
     /// puts it: a point x moves by `M E x`, with `|E| <= 2^-24 |A|`.
     #[inline]
-    fn placed_box(&self, m: &DAffine3, inverse: &Inverse) -> ([DVec3; 2], Footprint) {
-        let Inverse { rows, offset, .. } = inverse;
+    fn placed_box(&self, m: &DAffine3, inverse: &InversePlacement) -> ([DVec3; 2], InstanceFootprint) {
+        let InversePlacement { rows, offset, .. } = inverse;
         let lever = m.matrix3 * self.center;
         let center = lever + m.translation;
         let (x, y, z) = (m.matrix3.x_axis.abs(), m.matrix3.y_axis.abs(), m.matrix3.z_axis.abs());
@@ -324,21 +325,21 @@ impl<'a> Placer<'a> {
         let error = (DVec3::new(a, b, c) + offset.abs()) * MATRIX_ERROR;
         let sums = rows.map(|r| r.abs().element_sum());
         let spread = (x * sums[0] + y * sums[1] + z * sums[2]).max_element();
-        let footprint = Footprint { center, half, spread, lever: lever.abs().max_element() };
+        let footprint = InstanceFootprint { center, half, spread, lever: lever.abs().max_element() };
         let half = half + x * error.x + y * error.y + z * error.z;
         ([center - half, center + half], footprint)
     }
 }
 
 /// The inverse of a placement.
-struct Inverse {
+struct InversePlacement {
     rows: [DVec3; 3],
     offset: DVec3,
     /// Of the placement.
     determinant: f64,
 }
 
-impl Inverse {
+impl InversePlacement {
     #[inline]
     fn of(m: &DAffine3) -> Option<Self> {
         let DMat3 { x_axis: x, y_axis: y, z_axis: z } = m.matrix3;

@@ -3,21 +3,21 @@
 
 use glam::DAffine3;
 
-use super::item::Item;
-use super::motion::Keys;
-use super::placement::{Footprint, Placed, Placer};
+use super::item::PlacementItem;
+use super::motion::PlacementKeys;
+use super::placement::{InstanceFootprint, InstancePlacer, PlacedInstance};
 use crate::array::ArrayView;
 
 /// Instance numbers by rank.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Numbers<'a> {
+pub(crate) struct InstanceNumbers<'a> {
     pub(super) unmasked: Option<&'a [u32]>,
     /// `None`: placed once, without a number.
     pub(super) indices: Option<ArrayView<'a>>,
     pub(super) limit: usize,
 }
 
-impl Numbers<'_> {
+impl InstanceNumbers<'_> {
     /// Number of a rank; `None` when it is out of range.
     #[inline]
     pub(crate) fn of(&self, rank: u32) -> Option<Option<usize>> {
@@ -30,19 +30,19 @@ impl Numbers<'_> {
 
 /// Single placements of a run.
 #[derive(Clone, Debug)]
-pub(crate) struct Reader<'a> {
-    pub(super) numbers: Numbers<'a>,
-    pub(super) placer: Placer<'a>,
+pub(crate) struct RunReader<'a> {
+    pub(super) numbers: InstanceNumbers<'a>,
+    pub(super) placer: InstancePlacer<'a>,
     pub(super) bad: &'a [u32],
     pub(super) ranks: u32,
 }
 
-impl Reader<'_> {
+impl RunReader<'_> {
     fn is_usable(&self, rank: u32) -> bool {
         rank < self.ranks && (self.bad.is_empty() || self.bad.binary_search(&rank).is_err())
     }
 
-    /// See [`Placer::touch`].
+    /// See [`InstancePlacer::touch`].
     #[inline]
     pub(crate) fn touch(&self, rank: u32) -> u8 {
         self.numbers.of(rank).flatten().map_or(0, |number| self.placer.touch(number))
@@ -50,26 +50,26 @@ impl Reader<'_> {
 
     /// What the partition needs to know of a placement; `None` when it is not usable.
     #[inline]
-    pub(crate) fn item(&self, rank: u32) -> Option<Item> {
+    pub(crate) fn item(&self, rank: u32) -> Option<PlacementItem> {
         let number = self.numbers.of(rank).filter(|_| self.is_usable(rank))?;
-        self.placer.measure(number).map(|(_, footprint)| Item::new(&footprint, rank))
+        self.placer.measure(number).map(|(_, footprint)| PlacementItem::new(&footprint, rank))
     }
 
-    /// As [`Reader::item`], for a rank known to be usable.
+    /// As [`RunReader::item`], for a rank known to be usable.
     #[inline]
-    pub(crate) fn usable_item(&self, rank: u32) -> Option<Item> {
+    pub(crate) fn usable_item(&self, rank: u32) -> Option<PlacementItem> {
         let number = self.numbers.of(rank)?;
-        self.placer.footprint(number).map(|footprint| Item::new(&footprint, rank))
+        self.placer.footprint(number).map(|footprint| PlacementItem::new(&footprint, rank))
     }
 
     /// Where a placement is and how large, exactly.
-    pub(crate) fn footprint(&self, rank: u32) -> Option<Footprint> {
+    pub(crate) fn footprint(&self, rank: u32) -> Option<InstanceFootprint> {
         let number = self.numbers.of(rank).filter(|_| self.is_usable(rank))?;
         self.placer.measure(number).map(|(_, footprint)| footprint)
     }
 
-    /// As [`Reader::item`], for the first usable rank.
-    pub(crate) fn first_item(&self) -> Option<Item> {
+    /// As [`RunReader::item`], for the first usable rank.
+    pub(crate) fn first_item(&self) -> Option<PlacementItem> {
         // The first rank that is no bad one.
         let first = (0_u32..).zip(self.bad).take_while(|(rank, bad)| rank == *bad).count();
         self.item(u32::try_from(first).ok()?)
@@ -77,12 +77,12 @@ impl Reader<'_> {
 
     /// The placement of a usable rank.
     #[inline]
-    pub(crate) fn place(&self, rank: u32) -> Option<Placed> {
+    pub(crate) fn place(&self, rank: u32) -> Option<PlacedInstance> {
         self.numbers.of(rank).and_then(|number| self.placer.place(number))
     }
 
     /// The keys of a usable rank of what moves.
-    pub(crate) fn keys(&self, rank: u32) -> Option<Keys> {
+    pub(crate) fn keys(&self, rank: u32) -> Option<PlacementKeys> {
         let number = self.numbers.of(rank)?;
         self.placer.keys(number).map(|(keys, _)| keys)
     }

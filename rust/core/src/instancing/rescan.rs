@@ -6,13 +6,13 @@ use std::sync::{Arc, Mutex};
 
 use rayon::prelude::*;
 
-use super::placement::{InstanceArrays, Placer};
-use super::reader::{Numbers, number};
-use super::run::{Instances, Run, RunSpec};
-use super::scan::{BLOCK, Scan, Slots, TASK};
+use super::placement::{InstanceArrays, InstancePlacer};
+use super::reader::{InstanceNumbers, number};
+use super::run::{InstanceRun, PrototypeInstances, RunSpec};
+use super::scan::{BLOCK, RankScan, ScanSlots, TASK};
 use crate::mesh::Aabb;
 
-impl Run {
+impl InstanceRun {
     /// The run of `spec` made from `old` by looking at changed instances only; `None` when that is not possible or not
     /// worth it.
     pub(super) fn edited(old: &Arc<Self>, spec: &RunSpec) -> Option<Self> {
@@ -30,10 +30,10 @@ impl Run {
             kept: Mutex::default(),
         };
         let touched: Vec<&[u32]> = ranks.chunk_by(|a, b| *a as usize / BLOCK == *b as usize / BLOCK).collect();
-        let scans: Vec<(usize, Scan)> = touched.par_iter().filter_map(|ranks| run.rescan(old, ranks)).collect();
+        let scans: Vec<(usize, RankScan)> = touched.par_iter().filter_map(|ranks| run.rescan(old, ranks)).collect();
         let (numbers, is_edited) = (run.numbers(), |rank: &u32| ranks.binary_search(rank).is_ok());
         let outside =
-            |numbers: Numbers<'_>| ranks.par_iter().filter(|&&rank| numbers.of(rank).is_none()).count() as u64;
+            |numbers: InstanceNumbers<'_>| ranks.par_iter().filter(|&&rank| numbers.of(rank).is_none()).count() as u64;
         let (was_outside, is_outside) = (outside(old.numbers()), outside(numbers));
         let mut bad: Vec<u32> = old.bad.iter().copied().filter(|rank| !is_edited(rank)).collect();
         bad.extend(scans.iter().flat_map(|(_, scan)| scan.bad.iter().copied().filter(is_edited)));
@@ -54,16 +54,16 @@ impl Run {
 
     /// Number and new content of the block of the given ranks, which are all of it that differ from `old`. Bad ranks
     /// that are not among them may be left out.
-    fn rescan(&self, old: &Self, ranks: &[u32]) -> Option<(usize, Scan)> {
+    fn rescan(&self, old: &Self, ranks: &[u32]) -> Option<(usize, RankScan)> {
         let block = *ranks.first()? as usize / BLOCK;
         let end = ((block + 1) * BLOCK).min(self.ranks as usize);
-        let mut scan = Scan::default();
+        let mut scan = RankScan::default();
         let bounds = if ranks.len() > BLOCK / 4 { None } else { self.grown_box(old, ranks, block, &mut scan.bad) };
         match bounds {
             Some(bounds) => scan.blocks.push(bounds),
             None => {
-                scan = Scan::default();
-                scan.add_block(&self.numbers(), &self.spec.placer(), block * BLOCK..end, (0, &mut Slots::Nothing));
+                scan = RankScan::default();
+                scan.add_block(&self.numbers(), &self.spec.placer(), block * BLOCK..end, (0, &mut ScanSlots::Nothing));
             }
         }
         Some((block, scan))
@@ -74,7 +74,7 @@ impl Run {
         let was = *old.blocks.get(block)?;
         let mut bounds = was;
         let (before, now) = ((old.numbers(), old.spec.placer()), (self.numbers(), self.spec.placer()));
-        let place = |(numbers, placer): &(Numbers<'_>, Placer<'_>), rank| {
+        let place = |(numbers, placer): &(InstanceNumbers<'_>, InstancePlacer<'_>), rank| {
             numbers.of(rank).and_then(|number| placer.place(number)).map(|placed| placed.bounds)
         };
         for &rank in ranks {
@@ -91,7 +91,7 @@ impl Run {
     }
 
     /// Works out what changed in the arrays that `new` instances read, unless that is known.
-    pub(crate) fn compare_arrays(&self, new: &Instances) {
+    pub(crate) fn compare_arrays(&self, new: &PrototypeInstances) {
         if let Some(old) = self.spec.instances.as_ref().filter(|old| !Arc::ptr_eq(&old.arrays, &new.arrays)) {
             InstanceArrays::changes(&old.arrays, &new.arrays);
         }

@@ -7,8 +7,8 @@ use std::sync::{Arc, Mutex, Weak};
 use glam::{DAffine3, DVec3};
 
 use super::moving::KeyPlacer;
-use super::placement::{InstanceArrays, Placed, Placer};
-use super::reader::{Numbers, Reader};
+use super::placement::{InstanceArrays, InstancePlacer, PlacedInstance};
+use super::reader::{InstanceNumbers, RunReader};
 use super::scan::{ScanOutput, ScannedRanks};
 use crate::array::TypedArray;
 use crate::desc::DroppedData;
@@ -16,7 +16,7 @@ use crate::mesh::Aabb;
 
 /// The instances of one prototype.
 #[derive(Clone, Debug)]
-pub(crate) struct Instances {
+pub(crate) struct PrototypeInstances {
     /// Where they are.
     pub(crate) arrays: Arc<InstanceArrays>,
     /// Which of them show this prototype.
@@ -25,7 +25,7 @@ pub(crate) struct Instances {
     pub(crate) chosen: Option<Arc<Vec<u32>>>,
 }
 
-impl Instances {
+impl PrototypeInstances {
     /// How many there are at most.
     pub(crate) fn len(&self) -> usize {
         self.chosen.as_ref().map_or(self.indices.len(), |chosen| chosen.len())
@@ -52,7 +52,7 @@ pub(crate) struct RunSpec {
     /// Instance frame from the target's frame.
     pub(crate) after: DAffine3,
     /// `None`: placed once.
-    pub(crate) instances: Option<Instances>,
+    pub(crate) instances: Option<PrototypeInstances>,
     /// Box of the target, not empty.
     pub(crate) target_bounds: Aabb,
     /// Of what is placed once and moves: `before` at times of the shutter, two or more.
@@ -88,9 +88,9 @@ impl RunSpec {
         self.motion.as_ref().map_or_else(|| arrays.map_or(0, |motion| motion.key_count()), |motion| motion.len())
     }
 
-    pub(super) fn placer(&self) -> Placer<'_> {
+    pub(super) fn placer(&self) -> InstancePlacer<'_> {
         let arrays = self.instances.as_ref().map(|i| &*i.arrays);
-        let placer = Placer::new(self.before, self.after, arrays, &self.target_bounds);
+        let placer = InstancePlacer::new(self.before, self.after, arrays, &self.target_bounds);
         let keys = match (&self.motion, arrays) {
             (Some(motion), _) => {
                 motion.iter().map(|key| KeyPlacer { time: key.time, placer: placer.framed(key.before) }).collect()
@@ -107,7 +107,7 @@ impl RunSpec {
 
 /// A scanned run.
 #[derive(Debug)]
-pub(crate) struct Run {
+pub(crate) struct InstanceRun {
     pub(super) spec: RunSpec,
     /// Instance numbers left by the mask, by rank; `None` = all indices.
     pub(super) unmasked: Option<Arc<Vec<u32>>>,
@@ -127,7 +127,7 @@ pub(crate) struct Run {
     pub(super) kept: Mutex<ScannedRanks>,
 }
 
-impl Run {
+impl InstanceRun {
     /// `old` again if it is of the same spec, or a run made from it where little changed; `None` where all has to be
     /// scanned.
     pub(crate) fn reuse(old: Option<&Arc<Self>>, spec: &RunSpec) -> Option<Arc<Self>> {
@@ -172,9 +172,9 @@ impl Run {
         run
     }
 
-    pub(crate) fn numbers(&self) -> Numbers<'_> {
+    pub(crate) fn numbers(&self) -> InstanceNumbers<'_> {
         let instances = self.spec.instances.as_ref();
-        Numbers {
+        InstanceNumbers {
             unmasked: self.unmasked.as_ref().map(|n| &n[..]),
             indices: instances.map(|i| i.indices.view()),
             limit: instances.map_or(0, |i| i.arrays.len()),
@@ -208,7 +208,7 @@ impl Run {
 
     /// Calls `write` with the position in `places`, the rank and the placement of each of the run's placements
     /// `places`. No allocation.
-    pub(crate) fn encode(&self, places: std::ops::Range<usize>, mut write: impl FnMut(usize, u32, &Placed)) {
+    pub(crate) fn encode(&self, places: std::ops::Range<usize>, mut write: impl FnMut(usize, u32, &PlacedInstance)) {
         let placer = self.spec.placer();
         let numbers = self.numbers();
         self.each_rank(places, |at, rank| {
@@ -263,12 +263,12 @@ impl Run {
     }
 
     /// A reader of single placements as seen from `origin` (given in the assembly's frame).
-    pub(crate) fn reader(&self, origin: Option<DVec3>) -> Reader<'_> {
+    pub(crate) fn reader(&self, origin: Option<DVec3>) -> RunReader<'_> {
         let placer = self.spec.placer();
         let placer = match origin {
             Some(origin) => placer.seen_from(origin),
             None => placer,
         };
-        Reader { numbers: self.numbers(), placer, bad: &self.bad, ranks: self.ranks }
+        RunReader { numbers: self.numbers(), placer, bad: &self.bad, ranks: self.ranks }
     }
 }

@@ -7,10 +7,10 @@ use std::sync::{Arc, PoisonError};
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::item::Item;
-use super::placement::{Footprint, Placer, round_down, round_up};
-use super::reader::Numbers;
-use super::run::{Instances, Run, RunSpec};
+use super::item::PlacementItem;
+use super::placement::{InstanceFootprint, InstancePlacer, round_down, round_up};
+use super::reader::InstanceNumbers;
+use super::run::{InstanceRun, PrototypeInstances, RunSpec};
 use crate::array::{ArrayView, ElementType, TypedArray};
 use crate::desc::DroppedData;
 use crate::mesh::Aabb;
@@ -23,9 +23,9 @@ pub(super) const BLOCK: usize = 1 << 10;
 const FEW: usize = 64;
 
 /// Which part of its assembly's order an item is in.
-pub(crate) trait Bucketing: std::fmt::Debug + Sync {
+pub(crate) trait ItemBucketing: std::fmt::Debug + Sync {
     /// A number below [`UNUSABLE`] for an item that is not on a lattice yet.
-    fn bucket(&self, item: Item) -> u8;
+    fn bucket(&self, item: PlacementItem) -> u8;
 }
 
 /// In place of a bucket: the rank is not usable.
@@ -39,7 +39,7 @@ pub(crate) enum ScanOutput<'a> {
     /// The items, 24 bytes each.
     Items,
     /// The bucket of each rank, a byte.
-    Buckets(&'a dyn Bucketing),
+    Buckets(&'a dyn ItemBucketing),
 }
 
 /// What a scan kept, until somebody takes it.
@@ -48,40 +48,40 @@ pub(super) enum ScannedRanks {
     #[default]
     Nothing,
     /// Of all usable ranks.
-    Items(Vec<Item>),
+    Items(Vec<PlacementItem>),
     /// Of all ranks.
     Buckets(Vec<u8>),
 }
 
 /// Where a task of a scan puts what it keeps, from its first rank on.
-pub(super) enum Slots<'a> {
+pub(super) enum ScanSlots<'a> {
     Nothing,
-    Items(&'a mut [Item]),
-    Buckets(&'a mut [u8], &'a dyn Bucketing),
+    Items(&'a mut [PlacementItem]),
+    Buckets(&'a mut [u8], &'a dyn ItemBucketing),
 }
 
 /// What a stretch of ranks gives.
 #[derive(Default)]
-pub(super) struct Scan {
+pub(super) struct RankScan {
     pub(super) blocks: Vec<Aabb>,
     pub(super) bad: Vec<u32>,
     pub(super) out_of_range: u64,
     pub(super) stuck: u64,
 }
 
-impl Slots<'_> {
+impl ScanSlots<'_> {
     #[inline]
-    fn put(&mut self, at: usize, footprint: &Footprint, rank: u32) {
+    fn put(&mut self, at: usize, footprint: &InstanceFootprint, rank: u32) {
         match self {
             Self::Nothing => {}
             Self::Items(items) => {
                 if let Some(slot) = items.get_mut(at) {
-                    *slot = Item::new(footprint, rank);
+                    *slot = PlacementItem::new(footprint, rank);
                 }
             }
             Self::Buckets(buckets, by) => {
                 if let Some(slot) = buckets.get_mut(at) {
-                    *slot = by.bucket(Item::new(footprint, rank));
+                    *slot = by.bucket(PlacementItem::new(footprint, rank));
                 }
             }
         }
@@ -95,7 +95,7 @@ impl RunSpec {
     }
 
     /// Boxes and items of every `stride`-th instance, of few all, without looking at masks.
-    pub(crate) fn samples(&self, stride: usize) -> Vec<(Aabb, Item)> {
+    pub(crate) fn samples(&self, stride: usize) -> Vec<(Aabb, PlacementItem)> {
         if self.target_bounds.is_empty() {
             return Vec::new();
         }
@@ -103,7 +103,7 @@ impl RunSpec {
         let sample = |number: Option<usize>| {
             let ([min, max], footprint) = placer.measure(number)?;
             let bounds = Aabb { min: min.to_array().map(round_down), max: max.to_array().map(round_up) };
-            Some((bounds, Item::new(&footprint, 0)))
+            Some((bounds, PlacementItem::new(&footprint, 0)))
         };
         let Some(instances) = &self.instances else { return sample(None).into_iter().collect() };
         let (indices, count) = (instances.indices.view(), instances.len());
@@ -115,8 +115,8 @@ impl RunSpec {
     }
 }
 
-impl Run {
-    pub(super) fn scan_instances(&mut self, instances: &Instances, keep: ScanOutput<'_>) {
+impl InstanceRun {
+    pub(super) fn scan_instances(&mut self, instances: &PrototypeInstances, keep: ScanOutput<'_>) {
         let indices = instances.indices.view();
         if !indices.is_empty() && indices.element() != ElementType::I32 {
             self.dropped.wrong_array_types += 1;
@@ -139,14 +139,16 @@ impl Run {
         self.ranks = count;
         let (mut items, mut buckets) = (Vec::new(), Vec::new());
         let scans = match keep {
-            ScanOutput::Nothing => self.scan_tasks((0..ranks.div_ceil(TASK)).into_par_iter().map(|_| Slots::Nothing)),
+            ScanOutput::Nothing => {
+                self.scan_tasks((0..ranks.div_ceil(TASK)).into_par_iter().map(|_| ScanSlots::Nothing))
+            }
             ScanOutput::Items => {
                 items = bytemuck::zeroed_vec(ranks);
-                self.scan_tasks(items.par_chunks_mut(TASK).map(Slots::Items))
+                self.scan_tasks(items.par_chunks_mut(TASK).map(ScanSlots::Items))
             }
             ScanOutput::Buckets(by) => {
                 buckets = vec![UNUSABLE; ranks];
-                self.scan_tasks(buckets.par_chunks_mut(TASK).map(|buckets| Slots::Buckets(buckets, by)))
+                self.scan_tasks(buckets.par_chunks_mut(TASK).map(|buckets| ScanSlots::Buckets(buckets, by)))
             }
         };
         self.bad = scans.iter().flat_map(|s| s.bad.iter().copied()).collect();
@@ -165,7 +167,7 @@ impl Run {
     }
 
     /// Items of all ranks without those of bad ones.
-    fn usable(&self, mut items: Vec<Item>) -> Vec<Item> {
+    fn usable(&self, mut items: Vec<PlacementItem>) -> Vec<PlacementItem> {
         let mut at = 0_u32;
         let mut bad = self.bad.iter().copied().peekable();
         if bad.peek().is_some() {
@@ -178,13 +180,13 @@ impl Run {
     }
 
     /// Scans all ranks in parallel; each task has slots for [`TASK`] ranks.
-    fn scan_tasks<'a>(&self, slots: impl IndexedParallelIterator<Item = Slots<'a>>) -> Vec<Scan> {
+    fn scan_tasks<'a>(&self, slots: impl IndexedParallelIterator<Item = ScanSlots<'a>>) -> Vec<RankScan> {
         let ranks = self.ranks as usize;
         let numbers = self.numbers();
         let placer = self.spec.placer();
-        let task = |(task, mut slots): (usize, Slots<'a>)| {
+        let task = |(task, mut slots): (usize, ScanSlots<'a>)| {
             let first = task * TASK;
-            let mut scan = Scan::default();
+            let mut scan = RankScan::default();
             for start in (first..(first + TASK).min(ranks)).step_by(BLOCK) {
                 scan.add_block(&numbers, &placer, start..(start + BLOCK).min(ranks), (first, &mut slots));
             }
@@ -194,7 +196,7 @@ impl Run {
     }
 
     /// The items of all usable ranks, in order: those kept by the scan, else measured now.
-    pub(crate) fn take_items(&self) -> Vec<Item> {
+    pub(crate) fn take_items(&self) -> Vec<PlacementItem> {
         let kept = std::mem::take(&mut *self.kept.lock().unwrap_or_else(PoisonError::into_inner));
         if let ScannedRanks::Items(items) = kept {
             return items;
@@ -204,7 +206,7 @@ impl Run {
     }
 
     /// The bucket of each rank: those kept by the scan, else, and where `anew` says so, worked out now.
-    pub(crate) fn take_buckets(&self, by: &dyn Bucketing, anew: bool) -> Vec<u8> {
+    pub(crate) fn take_buckets(&self, by: &dyn ItemBucketing, anew: bool) -> Vec<u8> {
         let kept = std::mem::take(&mut *self.kept.lock().unwrap_or_else(PoisonError::into_inner));
         if let ScannedRanks::Buckets(buckets) = kept
             && !anew
@@ -222,14 +224,14 @@ impl Run {
     }
 }
 
-impl Scan {
+impl RankScan {
     /// Scans one stretch of ranks. `slots` begin at the given rank.
     pub(super) fn add_block(
         &mut self,
-        numbers: &Numbers<'_>,
-        placer: &Placer<'_>,
+        numbers: &InstanceNumbers<'_>,
+        placer: &InstancePlacer<'_>,
         ranks: std::ops::Range<usize>,
-        (first, slots): (usize, &mut Slots<'_>),
+        (first, slots): (usize, &mut ScanSlots<'_>),
     ) {
         // Rounding outward keeps the order: done once for all.
         let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The invariants of a record. For tests and for `doctor`.
 
-use super::assembly::{InstanceRecord, Target};
+use super::assembly::{InstanceRecord, InstanceTarget};
 use crate::mesh::Aabb;
 
 /// Checks one record that places something with the box `inside`, in a parent with the box `around`.
@@ -18,7 +18,7 @@ pub(crate) fn validate_record(record: &InstanceRecord, inside: &Aabb, around: &A
     if record.index_in_prototype >= record.prototype_count {
         return Err("the index is beyond the prototype's count");
     }
-    if matches!(record.target, Target::Assembly(_)) && record.prim_id != -1 {
+    if matches!(record.target, InstanceTarget::Assembly(_)) && record.prim_id != -1 {
         return Err("an assembly has a prim id");
     }
     if record.keys != 0 {

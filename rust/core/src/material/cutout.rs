@@ -3,7 +3,7 @@
 //!
 //! Meshes know nothing of materials but this and [`super::Displacement`].
 
-use super::{Compiled, Input, PTEX_SET, TextureRef};
+use super::{CompiledMaterial, InputValue, PTEX_SET, TextureRef};
 use oocpt_abi::{MaterialFlags, MaterialInput};
 use std::hash::{Hash, Hasher};
 use std::sync::Arc;
@@ -48,7 +48,7 @@ impl Hash for CutoutImage {
     }
 }
 
-impl Compiled {
+impl CompiledMaterial {
     /// What the material cuts out; none where nothing can be told. Surfaces that emit are lights, of which all faces
     /// count.
     pub(crate) fn cutout(&self) -> Option<Cutout> {
@@ -59,7 +59,7 @@ impl Compiled {
             return None;
         }
         match *material.input(MaterialInput::Opacity) {
-            Input::Texture { texture, channel, scale, bias, uv, transform } => {
+            InputValue::Texture { texture, channel, scale, bias, uv, transform } => {
                 let texture = self.textures.get(texture as usize).filter(|texture| !texture.is_ptex)?;
                 let set = material.uv_sets.get(usize::from(uv?)).filter(|set| &*set.name != PTEX_SET)?;
                 let channel = channel.unwrap_or(0) & 3;
@@ -69,11 +69,11 @@ impl Compiled {
                 let image = CutoutImage { texture: texture.clone(), channel, scale, bias, threshold };
                 is_finite.then(|| Cutout::Texture { image, set: set.name.clone(), transform })
             }
-            Input::Primvar { slot, .. } => {
+            InputValue::Primvar { slot, .. } => {
                 let name = material.primvars.get(usize::from(slot))?.name.clone();
                 Some(Cutout::Primvar { name, threshold })
             }
-            Input::Constant(_) | Input::Register(_) => None,
+            InputValue::Constant(_) | InputValue::Register(_) => None,
         }
     }
 }

@@ -5,15 +5,15 @@
 //! Names and texts come from scenes: each is shown without control characters, up to [`LONGEST_TEXT`] of it.
 
 use oocpt_abi::{MaterialFlags, MaterialInput};
-use oocpt_materialx::Offset;
-use oocpt_materialx::listing::{Cost, Names, formulas, instructions, numbers};
+use oocpt_materialx::DisplacementOffset;
+use oocpt_materialx::listing::{ListingNames, ProgramCost, formulas, instructions, numbers};
 use oocpt_materialx::program::Program;
 use serde::{Deserialize, Serialize};
 
-use super::compile::{Compiled, MAX_NODES, NEUTRAL, compile};
+use super::compile::{CompiledMaterial, MAX_NODES, NEUTRAL, compile};
 use super::displacement::{Displacement, PatternDisplacement, PreviewDisplacement};
 use super::materialx::is_materialx;
-use super::{Input, Material, TextureRef};
+use super::{InputValue, Material, TextureRef};
 use crate::desc::{MaterialDesc, NodeDesc, ParamValue};
 
 /// Most characters of a text of the scene that are shown.
@@ -104,7 +104,7 @@ pub fn describe(desc: &MaterialDesc) -> MaterialText {
     }
     match compiled.displacement.as_deref() {
         Some(Displacement::Preview(preview)) => {
-            text.displacement = input_text(&preview.amount, 1, &Reader::displacing(preview));
+            text.displacement = input_text(&preview.amount, 1, &MaterialNames::displacing(preview));
         }
         Some(Displacement::Pattern(pattern)) => fill_displacement(&mut text, pattern),
         None => {}
@@ -114,10 +114,10 @@ pub fn describe(desc: &MaterialDesc) -> MaterialText {
 
 /// What is told of a displacement by nodes of `MaterialX`.
 fn fill_displacement(text: &mut MaterialText, pattern: &PatternDisplacement) {
-    let reader = Reader::of_pattern(pattern);
+    let reader = MaterialNames::of_pattern(pattern);
     let offset = match pattern.offset {
-        Offset::Constant(value) => numbers(&value, if pattern.is_vector { 3 } else { 1 }),
-        Offset::Register(register) => {
+        DisplacementOffset::Constant(value) => numbers(&value, if pattern.is_vector { 3 } else { 1 }),
+        DisplacementOffset::Register(register) => {
             let (values, roots) = formulas(&pattern.program, &[register], &reader);
             text.displacement_values = values;
             roots.into_iter().next().unwrap_or_default()
@@ -134,8 +134,8 @@ fn fill_displacement(text: &mut MaterialText, pattern: &PatternDisplacement) {
 }
 
 /// What is told of a material that is understood.
-fn fill(text: &mut MaterialText, material: &Material, compiled: &Compiled, is_slab: bool) {
-    let reader = Reader::new(material, compiled);
+fn fill(text: &mut MaterialText, material: &Material, compiled: &CompiledMaterial, is_slab: bool) {
+    let reader = MaterialNames::new(material, compiled);
     text.needs = material.flags.iter_names().map(|(name, _)| name.to_owned()).collect();
     text.program = program_text(&material.program, &reader);
     text.opacity_program = program_text(&material.opacity_program, &reader);
@@ -145,7 +145,7 @@ fn fill(text: &mut MaterialText, material: &Material, compiled: &Compiled, is_sl
     let is_hair = material.flags.contains(MaterialFlags::HAIR);
     let by_program = |program, wanted: &dyn Fn(MaterialInput) -> bool| {
         let register = |name: &MaterialInput| match material.input(*name) {
-            Input::Register(register) if wanted(*name) => Some((*name, *register)),
+            InputValue::Register(register) if wanted(*name) => Some((*name, *register)),
             _ => None,
         };
         let found: Vec<(MaterialInput, u8)> = MaterialInput::ALL.iter().filter_map(register).collect();
@@ -172,14 +172,14 @@ fn fill(text: &mut MaterialText, material: &Material, compiled: &Compiled, is_sl
     if material.opacity_threshold > 0.0 {
         text.inputs.push(("opacity threshold".to_owned(), numbers(&[material.opacity_threshold; 4], 1)));
     }
-    let direct = material.inputs.iter().filter(|input| matches!(input, Input::Texture { .. })).count();
+    let direct = material.inputs.iter().filter(|input| matches!(input, InputValue::Texture { .. })).count();
     text.lookups = direct + text.program.lookups + text.opacity_program.lookups;
 }
 
 /// Whether it is what it is where nothing is said, as far as its components count.
-fn is_neutral(input: &Input, name: MaterialInput) -> bool {
+fn is_neutral(input: &InputValue, name: MaterialInput) -> bool {
     match (input, &NEUTRAL[name as usize]) {
-        (Input::Constant(value), Input::Constant(neutral)) => {
+        (InputValue::Constant(value), InputValue::Constant(neutral)) => {
             value.iter().zip(neutral).take(name.width()).all(|(value, neutral)| value.to_bits() == neutral.to_bits())
         }
         _ => false,
@@ -223,14 +223,14 @@ fn label(name: MaterialInput, is_hair: bool) -> Option<String> {
 }
 
 /// Names of what a material reads.
-struct Reader<'a> {
+struct MaterialNames<'a> {
     uv_sets: Vec<&'a str>,
     primvars: Vec<&'a str>,
     textures: &'a [TextureRef],
 }
 
-impl<'a> Reader<'a> {
-    fn new(material: &'a Material, compiled: &'a Compiled) -> Self {
+impl<'a> MaterialNames<'a> {
+    fn new(material: &'a Material, compiled: &'a CompiledMaterial) -> Self {
         Self {
             uv_sets: material.uv_sets.iter().map(|set| &*set.name).collect(),
             primvars: material.primvars.iter().map(|slot| &*slot.name).collect(),
@@ -257,7 +257,7 @@ impl<'a> Reader<'a> {
     }
 }
 
-impl Names for Reader<'_> {
+impl ListingNames for MaterialNames<'_> {
     fn uv_set(&self, set: usize) -> String {
         format!("uv \"{}\"", clean(self.uv_sets.get(set).copied().unwrap_or("?")))
     }
@@ -273,10 +273,10 @@ impl Names for Reader<'_> {
     }
 }
 
-fn input_text(input: &Input, width: usize, reader: &Reader<'_>) -> String {
+fn input_text(input: &InputValue, width: usize, reader: &MaterialNames<'_>) -> String {
     match input {
-        Input::Constant(value) => numbers(value, width),
-        Input::Texture { texture, channel, scale, bias, uv, transform } => {
+        InputValue::Constant(value) => numbers(value, width),
+        InputValue::Texture { texture, channel, scale, bias, uv, transform } => {
             let mut text = format!("texture {}", reader.texture(*texture));
             if let Some(channel) = channel {
                 text.push('.');
@@ -298,15 +298,15 @@ fn input_text(input: &Input, width: usize, reader: &Reader<'_>) -> String {
             }
             text
         }
-        Input::Primvar { slot, fallback } => {
+        InputValue::Primvar { slot, fallback } => {
             format!("{}, else {}", reader.primvar(usize::from(*slot)), numbers(fallback, width))
         }
-        Input::Register(register) => format!("r{register}"),
+        InputValue::Register(register) => format!("r{register}"),
     }
 }
 
-fn program_text(program: &Program, reader: &Reader<'_>) -> ProgramText {
-    let Cost { noises, registers, constants, lookups, .. } = Cost::of(program);
+fn program_text(program: &Program, reader: &MaterialNames<'_>) -> ProgramText {
+    let ProgramCost { noises, registers, constants, lookups, .. } = ProgramCost::of(program);
     ProgramText { instructions: instructions(program, reader), noises, registers, constants, lookups }
 }
 

@@ -7,14 +7,14 @@
 use std::hash::{Hash as _, Hasher};
 use std::sync::Arc;
 
-use oocpt_materialx::Offset;
-use oocpt_materialx::program::{Instruction, Lookup, Program};
+use oocpt_materialx::DisplacementOffset;
+use oocpt_materialx::program::{Instruction, Program, ProgramLookup};
 use rustc_hash::FxHasher;
 use xxhash_rust::xxh3::Xxh3;
 
-use super::compile::Compiler;
-use super::params::{Shape, connection, numbers};
-use super::{Input, PTEX_SET, TextureRef, UvSet};
+use super::compile::NetworkCompiler;
+use super::params::{NumberShape, connection, numbers};
+use super::{InputValue, PTEX_SET, TextureRef, UvSet};
 use crate::desc::MaterialDesc;
 
 /// How far surfaces are moved, and where to.
@@ -30,7 +30,7 @@ pub enum Displacement {
 #[derive(Clone, Debug, PartialEq)]
 pub struct PreviewDisplacement {
     /// The first of its components counts. Numbers of textures, sets and primvars are 0. Never a register.
-    pub(crate) amount: Input,
+    pub(crate) amount: InputValue,
     /// The texture of `amount`.
     pub(crate) texture: Option<TextureRef>,
     /// The texture coordinates of `amount`.
@@ -39,10 +39,10 @@ pub struct PreviewDisplacement {
     pub(crate) primvar: Option<Arc<str>>,
 }
 
-/// As [`oocpt_materialx::Displacement`].
+/// As [`oocpt_materialx::DisplacementProgram`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct PatternDisplacement {
-    pub(crate) offset: Offset,
+    pub(crate) offset: DisplacementOffset,
     /// Along tangent, bitangent and normal.
     pub(crate) is_vector: bool,
     /// Tangent or bitangent matter.
@@ -59,7 +59,12 @@ pub struct PatternDisplacement {
 impl Displacement {
     /// By a number, along the normals.
     pub(super) fn along_normals(value: [f32; 4]) -> Self {
-        Self::Preview(PreviewDisplacement { amount: Input::Constant(value), texture: None, uv: None, primvar: None })
+        Self::Preview(PreviewDisplacement {
+            amount: InputValue::Constant(value),
+            texture: None,
+            uv: None,
+            primvar: None,
+        })
     }
 
     /// Whether it reads the primvar of that name.
@@ -100,23 +105,23 @@ impl PreviewDisplacement {
     fn hash(&self, hasher: &mut Xxh3) {
         let mut add = |numbers: &[f32]| numbers.iter().for_each(|number| hasher.update(&number.to_le_bytes()));
         let tag: u8 = match &self.amount {
-            Input::Constant(value) => {
+            InputValue::Constant(value) => {
                 add(value);
                 0
             }
-            Input::Texture { scale, bias, transform, .. } => {
+            InputValue::Texture { scale, bias, transform, .. } => {
                 [&scale[..], &bias[..], transform.as_flattened()].into_iter().for_each(&mut add);
                 self.uv.iter().for_each(|uv| add(&uv.fallback));
                 1
             }
-            Input::Primvar { fallback, .. } => {
+            InputValue::Primvar { fallback, .. } => {
                 add(fallback);
                 2
             }
-            Input::Register(_) => 3,
+            InputValue::Register(_) => 3,
         };
         hasher.update(&[tag, u8::from(self.uv.is_some())]);
-        if let Input::Texture { channel, .. } = &self.amount {
+        if let InputValue::Texture { channel, .. } = &self.amount {
             hasher.update(&[channel.unwrap_or(0)]);
         }
         self.texture.iter().for_each(|texture| hash_texture(texture, hasher));
@@ -132,19 +137,19 @@ impl PatternDisplacement {
         hasher.update(&[4, u8::from(*is_vector)]);
         counts.iter().for_each(|count| hasher.update(&(*count as u64).to_le_bytes()));
         let mut add = |numbers: &[f32]| numbers.iter().for_each(|number| hasher.update(&number.to_le_bytes()));
-        if let Offset::Constant(value) = offset {
+        if let DisplacementOffset::Constant(value) = offset {
             add(value);
         }
         constants.iter().for_each(|constant| add(constant));
-        for Lookup { transform, scale, bias, .. } in lookups {
+        for ProgramLookup { transform, scale, bias, .. } in lookups {
             [transform.as_flattened(), scale, bias].into_iter().for_each(&mut add);
         }
         primvars.iter().for_each(|(_, fallback)| add(fallback));
-        for Lookup { texture, uv, .. } in lookups {
+        for ProgramLookup { texture, uv, .. } in lookups {
             hasher.update(&texture.to_le_bytes());
             hasher.update(&[uv.unwrap_or(u8::MAX)]);
         }
-        if let Offset::Register(register) = offset {
+        if let DisplacementOffset::Register(register) = offset {
             hasher.update(&[*register]);
         }
         for word in instructions.iter().flat_map(Instruction::pack) {
@@ -158,12 +163,12 @@ impl PatternDisplacement {
     }
 }
 
-impl Compiler<'_> {
+impl NetworkCompiler<'_> {
     /// What the displacement terminal says. Takes nothing of what a surface may read.
     pub(super) fn displacement(&mut self, desc: &MaterialDesc) -> Option<Displacement> {
         let Some(node) = desc.displacement.and_then(|at| self.nodes.get(at)) else {
             let surface = desc.surface.and_then(|at| self.nodes.get(at))?;
-            let [amount, ..] = numbers(surface, "displacement", Shape::Scalar, [0.0; 4], &mut self.problems);
+            let [amount, ..] = numbers(surface, "displacement", NumberShape::Scalar, [0.0; 4], &mut self.problems);
             if amount != 0.0 || connection(surface, "displacement").is_some() {
                 let problem = "`displacement` is left out: the material's displacement output is not connected";
                 self.problems.add(problem.to_owned());
@@ -174,7 +179,7 @@ impl Compiler<'_> {
             self.problems.add(format!("displacement by nodes of kind `{}` is not supported", node.kind));
             return None;
         }
-        let amount = self.input(node, "displacement", Shape::Scalar, [0.0; 4]);
+        let amount = self.input(node, "displacement", NumberShape::Scalar, [0.0; 4]);
         let textures = std::mem::take(&mut self.textures);
         let uv = std::mem::take(&mut self.uv_sets).into_iter().next();
         let primvar = std::mem::take(&mut self.primvars).into_iter().next().map(|slot| slot.name);
@@ -186,7 +191,7 @@ impl Compiler<'_> {
         if let Some(texture) = &mut texture {
             texture.prim = desc.named(&texture.prim);
         }
-        let is_flat = matches!(amount, Input::Constant([value, ..]) if value == 0.0);
+        let is_flat = matches!(amount, InputValue::Constant([value, ..]) if value == 0.0);
         (!is_flat).then_some(Displacement::Preview(PreviewDisplacement { amount, texture, uv, primvar }))
     }
 }

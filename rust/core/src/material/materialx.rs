@@ -11,16 +11,16 @@ use oocpt_abi::{MaterialFlags, MaterialInput, SHARP_ROUGHNESS};
 use std::sync::Arc;
 
 use oocpt_materialx::library::standard;
-use oocpt_materialx::network::{Network, Node};
-use oocpt_materialx::uses::{AddressMode, Texture};
-use oocpt_materialx::value::{FileRef, Value};
-use oocpt_materialx::{InputSource, Offset, Translation, translate, translate_displacement};
+use oocpt_materialx::network::{Network, NetworkNode};
+use oocpt_materialx::uses::{AddressMode, MaterialTexture};
+use oocpt_materialx::value::{FileRef, PortValue};
+use oocpt_materialx::{DisplacementOffset, InputSource, TranslatedNetwork, translate, translate_displacement};
 
-use super::compile::{Compiled, MAX_NODES, needs};
+use super::compile::{CompiledMaterial, MAX_NODES, needs};
 use super::displacement::{Displacement, PatternDisplacement};
-use super::params::Problems;
+use super::params::ProblemList;
 use super::spaces::{linear_from_srgb, named};
-use super::{ColorSpace, Input, Material, PrimvarSlot, TextureRef, UvSet, Wrap};
+use super::{ColorSpace, InputValue, Material, PrimvarSlot, TextureRef, UvSet, Wrap};
 use crate::desc::{AssetRef, MaterialDesc, NodeDesc, ParamValue};
 
 /// What the kinds of `MaterialX` nodes begin with, in their namespace.
@@ -37,15 +37,15 @@ pub(super) fn is_materialx(desc: &MaterialDesc, terminal: Option<usize>) -> bool
 }
 
 /// Reads the terminals of a network that are such nodes.
-pub(super) fn compile(desc: &MaterialDesc, problems: &mut Problems) -> Compiled {
+pub(super) fn compile(desc: &MaterialDesc, problems: &mut ProblemList) -> CompiledMaterial {
     let library = standard();
     if library.is_empty() {
         problems.add("MaterialX's data libraries were not found (PXR_MTLX_STDLIB_SEARCH_PATHS)".to_owned());
-        return Compiled::default();
+        return CompiledMaterial::default();
     }
     if desc.nodes.len() > MAX_NODES {
         problems.add(format!("{} nodes are more than the {MAX_NODES} that are supported", desc.nodes.len()));
-        return Compiled::default();
+        return CompiledMaterial::default();
     }
     let network = Network {
         nodes: desc.nodes.iter().map(node).collect(),
@@ -60,7 +60,7 @@ pub(super) fn compile(desc: &MaterialDesc, problems: &mut Problems) -> Compiled 
         }
         None => library,
     };
-    let mut compiled = Compiled::default();
+    let mut compiled = CompiledMaterial::default();
     if is_materialx(desc, desc.surface) {
         let translation = translate(&network, library);
         translation.problems.iter().for_each(|problem| problems.add(problem.clone()));
@@ -75,11 +75,11 @@ pub(super) fn compile(desc: &MaterialDesc, problems: &mut Problems) -> Compiled 
     compiled
 }
 
-fn displacement(found: oocpt_materialx::Displacement) -> Displacement {
+fn displacement(found: oocpt_materialx::DisplacementProgram) -> Displacement {
     let has_tangents = found.has_tangents();
-    let oocpt_materialx::Displacement { offset, is_vector, program, uses } = found;
+    let oocpt_materialx::DisplacementProgram { offset, is_vector, program, uses } = found;
     match offset {
-        Offset::Constant(value) if !is_vector => Displacement::along_normals(value),
+        DisplacementOffset::Constant(value) if !is_vector => Displacement::along_normals(value),
         _ => Displacement::Pattern(PatternDisplacement {
             offset,
             is_vector,
@@ -92,8 +92,8 @@ fn displacement(found: oocpt_materialx::Displacement) -> Displacement {
     }
 }
 
-fn node(desc: &NodeDesc) -> Node {
-    Node {
+fn node(desc: &NodeDesc) -> NetworkNode {
+    NetworkNode {
         path: Arc::clone(&desc.path),
         kind: Arc::clone(&desc.kind),
         values: desc
@@ -106,7 +106,7 @@ fn node(desc: &NodeDesc) -> Node {
 }
 
 /// The value of an input; a colour in the sRGB curve is made linear.
-fn value_of(node: &NodeDesc, name: &str, value: &ParamValue) -> Option<Value> {
+fn value_of(node: &NodeDesc, name: &str, value: &ParamValue) -> Option<PortValue> {
     let space = || {
         let wanted = format!("colorSpace:{name}");
         node.params.iter().find_map(|param| match &param.value {
@@ -124,9 +124,9 @@ fn value_of(node: &NodeDesc, name: &str, value: &ParamValue) -> Option<Value> {
         ParamValue::Vec2([x, y]) => [*x, *y, 0.0, 0.0],
         ParamValue::Vec3([x, y, z]) => [*x, *y, *z, 0.0],
         ParamValue::Vec4(v) => *v,
-        ParamValue::Text(text) => return Some(Value::Text(Arc::clone(text))),
+        ParamValue::Text(text) => return Some(PortValue::Text(Arc::clone(text))),
         ParamValue::Asset(asset) => {
-            return Some(Value::File(FileRef {
+            return Some(PortValue::File(FileRef {
                 authored: Arc::clone(&asset.authored),
                 resolved: Arc::clone(&asset.resolved),
                 color_space: space(),
@@ -142,11 +142,11 @@ fn value_of(node: &NodeDesc, name: &str, value: &ParamValue) -> Option<Value> {
     {
         numbers.iter_mut().take(3).for_each(|v| *v = linear(*v));
     }
-    Some(Value::Numbers(numbers))
+    Some(PortValue::Numbers(numbers))
 }
 
-fn texture(texture: &Texture) -> TextureRef {
-    let Texture { file, address, fallback, has_border, auto_color_space } = texture;
+fn texture(texture: &MaterialTexture) -> TextureRef {
+    let MaterialTexture { file, address, fallback, has_border, auto_color_space } = texture;
     let wrap = address.map(|mode| match mode {
         AddressMode::Constant => Wrap::Black,
         AddressMode::Clamp => Wrap::Clamp,
@@ -172,10 +172,14 @@ fn texture(texture: &Texture) -> TextureRef {
 }
 
 /// Anisotropy, a film, and what is inside of what transmits.
-fn inside(inputs: &[Input; MaterialInput::COUNT], transmits: bool, translation: &Translation) -> MaterialFlags {
+fn inside(
+    inputs: &[InputValue; MaterialInput::COUNT],
+    transmits: bool,
+    translation: &TranslatedNetwork,
+) -> MaterialFlags {
     let is_thin = translation.thin_walled;
     let constant = |name: MaterialInput| match inputs[name as usize] {
-        Input::Constant(value) => Some(value),
+        InputValue::Constant(value) => Some(value),
         _ => None,
     };
     let is_even = constant(MaterialInput::Anisotropy).is_some_and(|[a, _, b, _]| a >= 1.0 && b >= 1.0);
@@ -193,8 +197,8 @@ fn inside(inputs: &[Input; MaterialInput::COUNT], transmits: bool, translation: 
 }
 
 /// What its programs ask for.
-fn by_programs(translation: &Translation) -> MaterialFlags {
-    let Translation { program, opacity_program, .. } = translation;
+fn by_programs(translation: &TranslatedNetwork) -> MaterialFlags {
+    let TranslatedNetwork { program, opacity_program, .. } = translation;
     let is_cut_out = !opacity_program.instructions.is_empty();
     let mut flags = MaterialFlags::empty();
     flags.set(MaterialFlags::PATTERNS, is_cut_out || !program.instructions.is_empty());
@@ -204,11 +208,11 @@ fn by_programs(translation: &Translation) -> MaterialFlags {
     flags
 }
 
-fn material(translation: &Translation) -> Option<Material> {
+fn material(translation: &TranslatedNetwork) -> Option<Material> {
     let sources = translation.inputs?;
     let inputs = sources.map(|source| match source {
-        InputSource::Constant(value) => Input::Constant(value),
-        InputSource::Texture(lookup, channel) => Input::Texture {
+        InputSource::Constant(value) => InputValue::Constant(value),
+        InputSource::Texture(lookup, channel) => InputValue::Texture {
             texture: lookup.texture,
             channel,
             scale: lookup.scale,
@@ -219,16 +223,16 @@ fn material(translation: &Translation) -> Option<Material> {
         InputSource::Primvar(slot) => {
             let fallback =
                 translation.uses.primvars.get(usize::from(slot)).map_or([0.0; 4], |primvar| primvar.fallback);
-            Input::Primvar { slot, fallback }
+            InputValue::Primvar { slot, fallback }
         }
-        InputSource::Register(register) => Input::Register(register),
+        InputSource::Register(register) => InputValue::Register(register),
     });
     let input = |name: MaterialInput| &inputs[name as usize];
     let is_more = |name: MaterialInput, than: f32| match input(name) {
-        Input::Constant([x, y, z, _]) => *x > than || *y > than || *z > than,
+        InputValue::Constant([x, y, z, _]) => *x > than || *y > than || *z > than,
         _ => true,
     };
-    let is_clear = !matches!(input(MaterialInput::Opacity), Input::Constant([value, ..]) if *value >= 1.0);
+    let is_clear = !matches!(input(MaterialInput::Opacity), InputValue::Constant([value, ..]) if *value >= 1.0);
     let transmits = is_more(MaterialInput::Transmission, 0.0);
     let rough = is_more(MaterialInput::Roughness, SHARP_ROUGHNESS)
         || is_more(MaterialInput::Clearcoat, 0.0) && is_more(MaterialInput::ClearcoatRoughness, SHARP_ROUGHNESS);

@@ -21,13 +21,13 @@ mod texture;
 use oocpt_abi::{MaterialFlags, MaterialInput, NAME_FRAME_X, NAME_FRAME_Y, NAME_NORMAL, NAME_POSITION, NAME_PTEX};
 use std::sync::Arc;
 
-use oocpt_materialx::Emission;
-use oocpt_materialx::program::{Lookup, Program};
+use oocpt_materialx::MaterialEmission;
+use oocpt_materialx::program::{Program, ProgramLookup};
 
 use crate::desc::AssetRef;
 
 pub(crate) use compile::NEUTRAL;
-pub use compile::{Compiled, MAX_NODES, compile};
+pub use compile::{CompiledMaterial, MAX_NODES, compile};
 pub use cutout::{Cutout, CutoutImage};
 pub use describe::{LONGEST_TEXT, MaterialText, NodeText, ProgramText, describe};
 pub use displacement::{Displacement, PatternDisplacement, PreviewDisplacement};
@@ -41,12 +41,12 @@ pub const MAX_PRIMVARS: usize = 2;
 
 /// Where a value comes from.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Input {
+pub enum InputValue {
     /// The value; scalars in all four components.
     Constant([f32; 4]),
     /// `texel(transform * uv) * scale + bias`, then all of it or one channel in all components.
     Texture {
-        /// Index into [`crate::SurfaceTables::textures`]; of [`Compiled::textures`] before a commit.
+        /// Index into [`crate::SurfaceTables::textures`]; of [`CompiledMaterial::textures`] before a commit.
         texture: u32,
         /// The channel; `None`: all.
         channel: Option<u8>,
@@ -74,14 +74,14 @@ pub enum Input {
 pub const PTEX_SET: &str = "Ptex face";
 
 /// Name of the point in the mesh's frame, which is made of the hit and not of a primvar.
-pub const POSITION_NAME: &str = oocpt_materialx::uses::Uses::POSITION;
+pub const POSITION_NAME: &str = oocpt_materialx::uses::MaterialUses::POSITION;
 /// Name of the shading normal in the mesh's frame.
-pub const NORMAL_NAME: &str = oocpt_materialx::uses::Uses::NORMAL;
+pub const NORMAL_NAME: &str = oocpt_materialx::uses::MaterialUses::NORMAL;
 /// Names of the map of normals from the mesh's frame to the world.
-pub const FRAME_NAMES: [&str; 2] = oocpt_materialx::uses::Uses::OBJECT_FRAME;
+pub const FRAME_NAMES: [&str; 2] = oocpt_materialx::uses::MaterialUses::OBJECT_FRAME;
 
 /// Name of where a ribbon is met across its width, from 1 at the left to -1; what is no ribbon does not have it.
-pub const ACROSS_NAME: &str = oocpt_materialx::uses::Uses::ACROSS;
+pub const ACROSS_NAME: &str = oocpt_materialx::uses::MaterialUses::ACROSS;
 
 /// Number of a name that is no primvar.
 #[must_use]
@@ -116,7 +116,7 @@ pub struct PrimvarSlot {
     pub name: Arc<str>,
     /// Number of the name; 0 before a commit.
     pub id: u32,
-    /// Value where the mesh does not have it, for programs; an [`Input::Primvar`] has its own.
+    /// Value where the mesh does not have it, for programs; an [`InputValue::Primvar`] has its own.
     pub fallback: [f32; 4],
 }
 
@@ -126,37 +126,37 @@ pub struct Material {
     /// What it needs.
     pub flags: MaterialFlags,
     /// By [`MaterialInput`].
-    pub inputs: [Input; MaterialInput::COUNT],
+    pub inputs: [InputValue; MaterialInput::COUNT],
     /// With [`MaterialFlags::PRESENCE`]: 0 = the opacity is a probability, else a surface of less opacity is not there.
     pub opacity_threshold: f32,
     /// At most [`MAX_UV_SETS`].
     pub uv_sets: Vec<UvSet>,
     /// At most [`MAX_PRIMVARS`].
     pub primvars: Vec<PrimvarSlot>,
-    /// Works out the inputs that are registers; its lookups have textures as [`Input::Texture`] has.
+    /// Works out the inputs that are registers; its lookups have textures as [`InputValue::Texture`] has.
     pub program: Program,
     /// Works out the opacity where that is a register: a program of its own, which traversal runs.
     pub opacity_program: Program,
     /// Works out the emission alone, where light can be asked for it: its lookups are textures as the others.
-    pub emission: Option<Emission>,
+    pub emission: Option<MaterialEmission>,
 }
 
 impl Material {
     /// An input.
     #[must_use]
-    pub fn input(&self, name: MaterialInput) -> &Input {
+    pub fn input(&self, name: MaterialInput) -> &InputValue {
         &self.inputs[name as usize]
     }
 
     /// Texture lookups where it is shaded.
     #[must_use]
     pub fn lookups(&self) -> usize {
-        let inputs = self.inputs.iter().filter(|input| matches!(input, Input::Texture { .. })).count();
+        let inputs = self.inputs.iter().filter(|input| matches!(input, InputValue::Texture { .. })).count();
         inputs + self.program.lookups.len()
     }
 
     /// The lookups of all its programs.
-    pub fn program_lookups(&self) -> impl Iterator<Item = &Lookup> {
+    pub fn program_lookups(&self) -> impl Iterator<Item = &ProgramLookup> {
         let emission = self.emission.iter().flat_map(|emission| &emission.program.lookups);
         self.program.lookups.iter().chain(&self.opacity_program.lookups).chain(emission)
     }

@@ -5,9 +5,9 @@ use crate::desc::{AssetRef, ConnectionDesc, NodeDesc, ParamValue};
 
 /// What was wrong with a material, each kind once.
 #[derive(Debug, Default)]
-pub(super) struct Problems(Vec<String>);
+pub(super) struct ProblemList(Vec<String>);
 
-impl Problems {
+impl ProblemList {
     /// Most that are told of one material.
     const MOST: usize = 8;
     /// Most bytes of one.
@@ -31,7 +31,7 @@ impl Problems {
 
 /// What kind of number an input takes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Shape {
+pub(super) enum NumberShape {
     /// One number; given in all components.
     Scalar,
     /// Two numbers.
@@ -51,7 +51,7 @@ pub(super) fn connection<'a>(node: &'a NodeDesc, name: &str) -> Option<&'a Conne
 }
 
 /// The text of an input, if it is authored and is text.
-pub(super) fn text<'a>(node: &'a NodeDesc, name: &str, problems: &mut Problems) -> Option<&'a str> {
+pub(super) fn text<'a>(node: &'a NodeDesc, name: &str, problems: &mut ProblemList) -> Option<&'a str> {
     match param(node, name)? {
         ParamValue::Text(text) => Some(text),
         _ => {
@@ -62,7 +62,7 @@ pub(super) fn text<'a>(node: &'a NodeDesc, name: &str, problems: &mut Problems) 
 }
 
 /// The file of an input; text is taken for a path that was not resolved.
-pub(super) fn asset(node: &NodeDesc, name: &str, problems: &mut Problems) -> Option<AssetRef> {
+pub(super) fn asset(node: &NodeDesc, name: &str, problems: &mut ProblemList) -> Option<AssetRef> {
     match param(node, name)? {
         ParamValue::Asset(asset) => Some(asset.clone()),
         ParamValue::Text(text) => Some(AssetRef { authored: text.clone(), resolved: text.clone() }),
@@ -78,9 +78,9 @@ pub(super) fn asset(node: &NodeDesc, name: &str, problems: &mut Problems) -> Opt
 pub(super) fn numbers(
     node: &NodeDesc,
     name: &str,
-    shape: Shape,
+    shape: NumberShape,
     default: [f32; 4],
-    problems: &mut Problems,
+    problems: &mut ProblemList,
 ) -> [f32; 4] {
     let Some(value) = param(node, name) else { return default };
     match shaped(value, shape) {
@@ -97,14 +97,14 @@ pub(super) fn numbers(
 }
 
 #[expect(clippy::cast_precision_loss, reason = "integers of inputs are small, and a rounded large one is as good")]
-fn shaped(value: &ParamValue, shape: Shape) -> Option<[f32; 4]> {
+fn shaped(value: &ParamValue, shape: NumberShape) -> Option<[f32; 4]> {
     match (value, shape) {
-        (ParamValue::Float(v), Shape::Scalar) => Some([*v; 4]),
-        (ParamValue::Int(v), Shape::Scalar) => Some([*v as f32; 4]),
-        (ParamValue::Bool(v), Shape::Scalar) => Some([f32::from(u8::from(*v)); 4]),
-        (ParamValue::Vec2([x, y]), Shape::Pair) => Some([*x, *y, 0.0, 0.0]),
-        (ParamValue::Vec3([x, y, z]) | ParamValue::Vec4([x, y, z, _]), Shape::Color) => Some([*x, *y, *z, 1.0]),
-        (ParamValue::Vec4(v), Shape::Four) => Some(*v),
+        (ParamValue::Float(v), NumberShape::Scalar) => Some([*v; 4]),
+        (ParamValue::Int(v), NumberShape::Scalar) => Some([*v as f32; 4]),
+        (ParamValue::Bool(v), NumberShape::Scalar) => Some([f32::from(u8::from(*v)); 4]),
+        (ParamValue::Vec2([x, y]), NumberShape::Pair) => Some([*x, *y, 0.0, 0.0]),
+        (ParamValue::Vec3([x, y, z]) | ParamValue::Vec4([x, y, z, _]), NumberShape::Color) => Some([*x, *y, *z, 1.0]),
+        (ParamValue::Vec4(v), NumberShape::Four) => Some(*v),
         _ => None,
     }
 }

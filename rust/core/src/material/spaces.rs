@@ -10,7 +10,7 @@
 //! ignores, counts only where the scene leaves the question open.
 
 use super::ColorSpace;
-use super::compile::Compiler;
+use super::compile::NetworkCompiler;
 use super::params::text;
 use crate::desc::NodeDesc;
 
@@ -76,7 +76,7 @@ pub fn linear_from_srgb(encoded: f64) -> f64 {
     if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
 }
 
-impl<'a> Compiler<'a> {
+impl<'a> NetworkCompiler<'a> {
     /// The colour space of a texture node, by the rule above.
     pub(super) fn color_space(&mut self, node: &'a NodeDesc) -> ColorSpace {
         let mut said = |name: &str| text(node, name, &mut self.problems).map_or(ColorSpace::Auto, named);

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //! `UsdUVTexture`, `HwPtexTexture_1` and `UsdTransform2d`. Pure.
 
-use super::compile::Compiler;
-use super::params::{Shape, asset, connection, numbers, param, text};
+use super::compile::NetworkCompiler;
+use super::params::{NumberShape, asset, connection, numbers, param, text};
 use super::reader::READER;
-use super::{Input, MAX_UV_SETS, PTEX_SET, TextureRef, UvSet, Wrap};
+use super::{InputValue, MAX_UV_SETS, PTEX_SET, TextureRef, UvSet, Wrap};
 use crate::desc::{NodeDesc, ParamValue};
 use oocpt_abi::NAME_PTEX;
 use std::sync::Arc;
@@ -30,9 +30,9 @@ const MAX_TRANSFORMS: usize = 16;
 const FALLBACK: [f32; 4] = [0.0, 0.0, 0.0, 1.0];
 const IDENTITY: [[f32; 3]; 2] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
 
-impl<'a> Compiler<'a> {
+impl<'a> NetworkCompiler<'a> {
     /// The output `output` of a texture node.
-    pub(super) fn texture(&mut self, node: &'a NodeDesc, output: &str) -> Option<Input> {
+    pub(super) fn texture(&mut self, node: &'a NodeDesc, output: &str) -> Option<InputValue> {
         let channel = match output {
             "r" => Some(0),
             "g" => Some(1),
@@ -49,9 +49,9 @@ impl<'a> Compiler<'a> {
                 self.problems.add(format!("`{name}` of {} is connected, which is not supported", node.path));
             }
         }
-        let scale = numbers(node, "scale", Shape::Four, [1.0; 4], &mut self.problems);
-        let bias = numbers(node, "bias", Shape::Four, [0.0; 4], &mut self.problems);
-        let fallback = numbers(node, "fallback", Shape::Four, FALLBACK, &mut self.problems);
+        let scale = numbers(node, "scale", NumberShape::Four, [1.0; 4], &mut self.problems);
+        let bias = numbers(node, "bias", NumberShape::Four, [0.0; 4], &mut self.problems);
+        let fallback = numbers(node, "fallback", NumberShape::Four, FALLBACK, &mut self.problems);
         let picked = |v: [f32; 4]| channel.and_then(|c| v.get(usize::from(c))).map_or(v, |v| [*v; 4]);
         let Some(asset) = asset(node, "file", &mut self.problems).filter(|a| !a.resolved.is_empty()) else {
             match param(node, "file") {
@@ -61,14 +61,14 @@ impl<'a> Compiler<'a> {
                 Some(_) => self.problems.add(format!("the texture of {} was not found", node.path)),
                 None => self.problems.add(format!("{} has no file", node.path)),
             }
-            return Some(Input::Constant(picked(fallback)));
+            return Some(InputValue::Constant(picked(fallback)));
         };
         let wrap = [self.wrap(node, "wrapS"), self.wrap(node, "wrapT")];
         let color_space = self.color_space(node);
         let is_ptex = &*node.kind == PTEX_NODE || is_ptex_name(&asset.resolved);
         let (uv, transform) = if is_ptex { self.ptex_coordinates(node) } else { self.coordinates(node) };
         if is_ptex && uv.is_none() {
-            return Some(Input::Constant(picked(fallback)));
+            return Some(InputValue::Constant(picked(fallback)));
         }
         let prim = Arc::clone(&node.path);
         let reference = TextureRef { prim, asset, wrap, color_space, fallback, has_border: false, is_ptex };
@@ -77,7 +77,7 @@ impl<'a> Compiler<'a> {
         if known.is_none() {
             self.textures.push(reference);
         }
-        Some(Input::Texture { texture: u32::try_from(texture).ok()?, channel, scale, bias, uv, transform })
+        Some(InputValue::Texture { texture: u32::try_from(texture).ok()?, channel, scale, bias, uv, transform })
     }
 
     fn wrap(&mut self, node: &'a NodeDesc, name: &str) -> Wrap {
@@ -114,7 +114,7 @@ impl<'a> Compiler<'a> {
         let (mut at, mut name, mut map) = (node, "st", IDENTITY);
         for _ in 0..=MAX_TRANSFORMS {
             let Some(source) = connection(at, name) else {
-                let [s, t, ..] = numbers(at, name, Shape::Pair, [0.0; 4], &mut self.problems);
+                let [s, t, ..] = numbers(at, name, NumberShape::Pair, [0.0; 4], &mut self.problems);
                 return (None, place(&map, [s, t]));
             };
             let Some(next) = self.nodes.get(source.node) else {
@@ -140,9 +140,9 @@ impl<'a> Compiler<'a> {
 
     /// Scale, then rotation (degrees, counter-clockwise), then translation.
     fn transform(&mut self, node: &'a NodeDesc) -> [[f32; 3]; 2] {
-        let [sx, sy, ..] = numbers(node, "scale", Shape::Pair, [1.0; 4], &mut self.problems);
-        let [angle, ..] = numbers(node, "rotation", Shape::Scalar, [0.0; 4], &mut self.problems);
-        let [tx, ty, ..] = numbers(node, "translation", Shape::Pair, [0.0; 4], &mut self.problems);
+        let [sx, sy, ..] = numbers(node, "scale", NumberShape::Pair, [1.0; 4], &mut self.problems);
+        let [angle, ..] = numbers(node, "rotation", NumberShape::Scalar, [0.0; 4], &mut self.problems);
+        let [tx, ty, ..] = numbers(node, "translation", NumberShape::Pair, [0.0; 4], &mut self.problems);
         let (sin, cos) = sin_cos_degrees(angle);
         [[cos * sx, -sin * sy, tx], [sin * sx, cos * sy, ty]]
     }

@@ -11,19 +11,21 @@ use rayon::prelude::*;
 
 use super::bvh4::{Bvh4, build_bvh4_over};
 use super::cover::covered_boxes;
-use super::deform::{Pose, poses, read_keys};
-use super::demand::Demand;
-use super::leaf::{Items, read_items};
+use super::deform::{PointsPose, poses, read_keys};
+use super::demand::BuildDemand;
+use super::leaf::{LeafItems, read_items};
 use super::normals::smooth_normals;
-use super::primvar::{Layout, Slot, Source, convert, convert_wanted, extend_points, subset_numbers};
+use super::primvar::{
+    PrimvarLayout, TriangleSource, ValueSlot, convert, convert_wanted, extend_points, subset_numbers,
+};
 use super::ptex::{PtexNumbers, PtexTriangle};
-use super::refine::{Refined, refine};
-use super::split::{Order, Source as Whole, arrange, expected_bytes, split_ordered};
-use super::topology::{Face, Topology, read_topology};
-use super::triangulate::Triangulator;
+use super::refine::{RefinedMesh, refine};
+use super::split::{SplitSource as Whole, TriangleOrder, arrange, expected_bytes, split_ordered};
+use super::topology::{MeshFace, MeshTopology, read_topology};
+use super::triangulate::FaceTriangulator;
 use super::{Aabb, Attribute, LeafKind, MeshAsset, Triangle, WantedPrimvar};
 use crate::array::ArrayView;
-use crate::desc::{DroppedData, MeshDesc, Shape, Subdivision};
+use crate::desc::{DroppedData, MeshDesc, PrimShape, Subdivision};
 
 /// Faces that a thread triangulates at a time.
 const FACE_BLOCK: usize = 1 << 14;
@@ -60,28 +62,28 @@ pub fn build_mesh(desc: &MeshDesc, key: u128) -> BuiltMesh {
 /// are the same bits for any number of threads, but not the ones that [`super::split_mesh`] makes of the whole asset.
 #[must_use]
 pub fn build_mesh_split(desc: &MeshDesc, key: u128, limit_bytes: u64, cluster_bytes: u64) -> BuiltMesh {
-    build_mesh_with(desc, &Demand::default(), key, limit_bytes, cluster_bytes)
+    build_mesh_with(desc, &BuildDemand::default(), key, limit_bytes, cluster_bytes)
 }
 
 /// [`build_mesh_split`] for a demand, on its limit surface if it is a subdivision surface.
 #[must_use]
 pub fn build_mesh_with(
     desc: &MeshDesc,
-    demand: &Demand<'_>,
+    demand: &BuildDemand<'_>,
     key: u128,
     limit_bytes: u64,
     cluster_bytes: u64,
 ) -> BuiltMesh {
     let mut clusters = Vec::new();
-    let cuts = Cuts { limit_bytes, cluster_bytes, at_once: usize::MAX };
+    let cuts = ClusterLimits { limit_bytes, cluster_bytes, at_once: usize::MAX };
     let mut put = |cluster| clusters.push(Arc::new(cluster));
-    let Built { asset, dropped, notes } = build_mesh_into(desc, demand, key, cuts, &mut put);
+    let BuiltAsset { asset, dropped, notes } = build_mesh_into(desc, demand, key, cuts, &mut put);
     BuiltMesh { asset: asset.map(Arc::new), clusters, dropped, notes }
 }
 
 /// How a large mesh is cut.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Cuts {
+pub(crate) struct ClusterLimits {
     /// A mesh that would take more than about so many bytes on the device is cut.
     pub(crate) limit_bytes: u64,
     /// Into clusters of at most so many bytes there.
@@ -92,7 +94,7 @@ pub(crate) struct Cuts {
 
 /// A [`BuiltMesh`] without its clusters.
 #[derive(Debug, Default)]
-pub(crate) struct Built {
+pub(crate) struct BuiltAsset {
     pub(crate) asset: Option<MeshAsset>,
     pub(crate) dropped: DroppedData,
     pub(crate) notes: Vec<String>,
@@ -101,14 +103,14 @@ pub(crate) struct Built {
 /// [`build_mesh_with`] that gives each cluster to `put` as soon as it is made.
 pub(crate) fn build_mesh_into(
     desc: &MeshDesc,
-    demand: &Demand<'_>,
+    demand: &BuildDemand<'_>,
     key: u128,
-    cuts: Cuts,
+    cuts: ClusterLimits,
     put: &mut dyn FnMut(MeshAsset),
-) -> Built {
+) -> BuiltAsset {
     let wanted = demand.wanted;
-    let mut built = Built::default();
-    let Built { asset, dropped, notes } = &mut built;
+    let mut built = BuiltAsset::default();
+    let BuiltAsset { asset, dropped, notes } = &mut built;
     let poses = poses(desc).unwrap_or_else(|why| {
         notes.push(format!("{why}, so its points stay where they are at the frame's own time"));
         Vec::new()
@@ -116,7 +118,7 @@ pub(crate) fn build_mesh_into(
     let dicing = demand.dicing.cloned().unwrap_or_default();
     if let Some(items) = read_items(desc, wanted, &dicing, &poses, dropped) {
         let zero_area_triangles = dropped.zero_area_triangles;
-        let Items { topology, desc, kind, radii, poses: posed } = &items;
+        let LeafItems { topology, desc, kind, radii, poses: posed } = &items;
         let loose = UnsortedMesh { desc, wanted, key, topology, kind: *kind, radii, poses: posed };
         let loose = read_triangles(loose, dropped);
         // Ribbons may have no width somewhere.
@@ -135,7 +137,7 @@ pub(crate) fn build_mesh_into(
         notes.extend_from_slice(&refined.notes);
         // A limit surface may close to a point, as at a pole: that is no bad data.
         let zero_area_triangles = dropped.zero_area_triangles;
-        let Refined { topology, desc, poses, .. } = &refined;
+        let RefinedMesh { topology, desc, poses, .. } = &refined;
         let loose = read_triangles(UnsortedMesh { desc, wanted, key, topology, kind, radii: &[], poses }, dropped);
         dropped.zero_area_triangles = zero_area_triangles;
         loose
@@ -153,12 +155,12 @@ pub(crate) fn build_mesh_into(
 fn arrange_or_split(
     loose: MeshAsset,
     covered: Option<Vec<Aabb>>,
-    cuts: Cuts,
+    cuts: ClusterLimits,
     put: &mut dyn FnMut(MeshAsset),
 ) -> Option<MeshAsset> {
     if expected_bytes(&loose) > cuts.limit_bytes {
         let source = Whole { mesh: &loose, covered: covered.as_deref() };
-        split_ordered(source, cuts.cluster_bytes, Order::Authored, cuts.at_once, put);
+        split_ordered(source, cuts.cluster_bytes, TriangleOrder::Authored, cuts.at_once, put);
         return None;
     }
     let Some(covered) = covered else {
@@ -183,13 +185,13 @@ pub(super) struct UnsortedMesh<'a> {
     pub(super) desc: &'a MeshDesc,
     wanted: &'a [WantedPrimvar],
     key: u128,
-    pub(super) topology: &'a Topology,
+    pub(super) topology: &'a MeshTopology,
     /// What its items are.
     pub(super) kind: LeafKind,
     /// By point, where they have some; else empty.
     pub(super) radii: &'a [f32],
     /// At the keys of what moves.
-    pub(super) poses: &'a [Pose],
+    pub(super) poses: &'a [PointsPose],
 }
 
 /// The mesh in authored order, without a hierarchy.
@@ -197,7 +199,7 @@ fn read_triangles(loose: UnsortedMesh<'_>, dropped: &mut DroppedData) -> Option<
     let UnsortedMesh { desc, wanted, key, topology, kind, radii, poses } = loose;
     let mut numbers =
         wanted.iter().any(|w| w.id == NAME_PTEX).then(|| PtexNumbers::new(&desc.face_vertex_counts.view()));
-    let Faces { mut triangles, sources, ptex } = match kind {
+    let AuthoredTriangles { mut triangles, sources, ptex } = match kind {
         LeafKind::Triangles => triangulate(topology, poses, numbers.as_mut(), dropped),
         _ => items(topology, kind, radii),
     };
@@ -206,7 +208,7 @@ fn read_triangles(loose: UnsortedMesh<'_>, dropped: &mut DroppedData) -> Option<
         dropped.empty_meshes += 1;
         return None;
     }
-    let layout = Layout {
+    let layout = PrimvarLayout {
         face_count: topology.face_count,
         point_count: topology.points.len(),
         corner_count: topology.corners.len(),
@@ -226,7 +228,7 @@ fn read_triangles(loose: UnsortedMesh<'_>, dropped: &mut DroppedData) -> Option<
     let primvars = convert_wanted(desc, wanted, layout, dropped);
     let subsets = subset_numbers(desc, layout, dropped);
     let rates = [rate(&normals), rate(&colors), rate(&opacities)];
-    let corner_points = |s: &Source| s.corners.map(|c| layout.point(c));
+    let corner_points = |s: &TriangleSource| s.corners.map(|c| layout.point(c));
     let by_point = rates.contains(&Some(AttributeRate::Vertex))
         || primvars.iter().any(|primvar| primvar.values.rate() == AttributeRate::Vertex);
     Some(MeshAsset {
@@ -246,8 +248,8 @@ fn read_triangles(loose: UnsortedMesh<'_>, dropped: &mut DroppedData) -> Option<
         ptex,
         keys,
         // What is no mesh has no side from which it is not seen.
-        double_sided: desc.double_sided || !matches!(desc.shape, Shape::Mesh),
-        left_handed: desc.left_handed && matches!(desc.shape, Shape::Mesh),
+        double_sided: desc.double_sided || !matches!(desc.shape, PrimShape::Mesh),
+        left_handed: desc.left_handed && matches!(desc.shape, PrimShape::Mesh),
     })
 }
 
@@ -257,8 +259,8 @@ fn compact(kind: LeafKind, subsets: &[u16]) -> LeafKind {
 }
 
 /// Items of another kind, one for each face.
-fn items(topology: &Topology, kind: LeafKind, radii: &[f32]) -> Faces {
-    let mut faces = Faces::default();
+fn items(topology: &MeshTopology, kind: LeafKind, radii: &[f32]) -> AuthoredTriangles {
+    let mut faces = AuthoredTriangles::default();
     let point = |at: u32| topology.points.get(at as usize).copied();
     let radius = |at: u32| radii.get(at as usize).copied().unwrap_or(0.0);
     for face in &topology.faces {
@@ -266,7 +268,9 @@ fn items(topology: &Topology, kind: LeafKind, radii: &[f32]) -> Faces {
         if let [Some(first), Some(second), Some(third)] = [a, b, c].map(point) {
             let vertices = kind.vertices([first, second, third], [a, b, c].map(radius));
             faces.triangles.push(Triangle { vertices, face: face.index });
-            faces.sources.push(Source { face: face.index, corners: [face.first, face.first + 1, face.first + 2] });
+            faces
+                .sources
+                .push(TriangleSource { face: face.index, corners: [face.first, face.first + 1, face.first + 2] });
         }
     }
     faces
@@ -278,9 +282,9 @@ fn rate<T>(attribute: &Option<Attribute<T>>) -> Option<AttributeRate> {
 
 /// Triangles in authored order.
 #[derive(Default)]
-struct Faces {
+struct AuthoredTriangles {
     triangles: Vec<Triangle>,
-    sources: Vec<Source>,
+    sources: Vec<TriangleSource>,
     /// Of each triangle, where a material asks for Ptex.
     ptex: Vec<PtexTriangle>,
 }
@@ -288,20 +292,20 @@ struct Faces {
 /// All triangles with area, in authored order: blocks of faces side by side, unless faces have Ptex numbers, which go
 /// on from face to face.
 fn triangulate(
-    topology: &Topology,
-    poses: &[Pose],
+    topology: &MeshTopology,
+    poses: &[PointsPose],
     numbers: Option<&mut PtexNumbers>,
     dropped: &mut DroppedData,
-) -> Faces {
+) -> AuthoredTriangles {
     if numbers.is_some() || topology.faces.len() <= FACE_BLOCK {
         return triangulate_block((topology, poses), &topology.faces, numbers, dropped);
     }
-    let block = |faces: &[Face]| {
+    let block = |faces: &[MeshFace]| {
         let mut dropped = DroppedData::default();
         (triangulate_block((topology, poses), faces, None, &mut dropped), dropped)
     };
-    let blocks: Vec<(Faces, DroppedData)> = topology.faces.par_chunks(FACE_BLOCK).map(block).collect();
-    let mut all = Faces::default();
+    let blocks: Vec<(AuthoredTriangles, DroppedData)> = topology.faces.par_chunks(FACE_BLOCK).map(block).collect();
+    let mut all = AuthoredTriangles::default();
     let count = blocks.iter().map(|(faces, _)| faces.triangles.len()).sum();
     all.triangles.reserve_exact(count);
     all.sources.reserve_exact(count);
@@ -317,14 +321,14 @@ fn triangulate(
 /// point, as at the tip of a cone, are no bad data. Only the triangles of faces without any area count as dropped. What
 /// moves has an area if it has one at some key.
 fn triangulate_block(
-    (topology, poses): (&Topology, &[Pose]),
-    faces: &[Face],
+    (topology, poses): (&MeshTopology, &[PointsPose]),
+    faces: &[MeshFace],
     mut numbers: Option<&mut PtexNumbers>,
     dropped: &mut DroppedData,
-) -> Faces {
-    let mut triangulator = Triangulator::default();
+) -> AuthoredTriangles {
+    let mut triangulator = FaceTriangulator::default();
     let (mut points, mut ears) = (Vec::new(), Vec::new());
-    let Faces { mut triangles, mut sources, mut ptex } = Faces::default();
+    let AuthoredTriangles { mut triangles, mut sources, mut ptex } = AuthoredTriangles::default();
     if numbers.is_none() {
         // A face has three corners at least.
         let most = faces.iter().filter(|face| !face.is_hole).map(|face| face.count as usize - 2).sum();
@@ -346,7 +350,10 @@ fn triangulate_block(
                 let triangle = Triangle { vertices: [a, b, at], face: face.index };
                 if has_area(&triangle) {
                     triangles.push(triangle);
-                    sources.push(Source { face: face.index, corners: [face.first + k, face.first + next, center] });
+                    sources.push(TriangleSource {
+                        face: face.index,
+                        corners: [face.first + k, face.first + next, center],
+                    });
                     ptex.push(numbers.wedge(face, k));
                 }
             }
@@ -358,14 +365,14 @@ fn triangulate_block(
                 continue;
             };
             let triangle = Triangle { vertices: [a, b, c], face: face.index };
-            let posed = |pose: &Pose| {
+            let posed = |pose: &PointsPose| {
                 let vertex = |k: u32| corners.get(k as usize).and_then(|&p| pose.points.get(p as usize));
                 let [Some(&a), Some(&b), Some(&c)] = ear.map(vertex) else { return false };
                 has_area(&Triangle { vertices: [a, b, c], face: face.index })
             };
             if has_area(&triangle) || poses.iter().any(posed) {
                 triangles.push(triangle);
-                sources.push(Source { face: face.index, corners: ear.map(|k| face.first + k) });
+                sources.push(TriangleSource { face: face.index, corners: ear.map(|k| face.first + k) });
                 ptex.extend(numbers.as_deref().map(|numbers| numbers.ear(face, *ear)));
             }
         }
@@ -373,7 +380,7 @@ fn triangulate_block(
             dropped.zero_area_triangles += (corners.len() - 2) as u64;
         }
     }
-    Faces { triangles, sources, ptex }
+    AuthoredTriangles { triangles, sources, ptex }
 }
 
 /// True when the normal is meaningful in double precision and not zero in single precision.
@@ -395,8 +402,8 @@ fn geometric_normal(triangle: &Triangle, side: f32) -> Option<[f32; 3]> {
 
 pub(super) fn build_normals(
     desc: &MeshDesc,
-    topology: &Topology,
-    layout: Layout<'_>,
+    topology: &MeshTopology,
+    layout: PrimvarLayout<'_>,
     triangles: &[Triangle],
     dropped: &mut DroppedData,
 ) -> Option<Attribute<[f32; 3]>> {
@@ -404,9 +411,9 @@ pub(super) fn build_normals(
     let smooth = || smooth.get_or_init(|| smooth_normals(topology, desc.left_handed));
     let side = if desc.left_handed { -1.0 } else { 1.0 };
     let replacement = |slot| match slot {
-        Slot::Mesh => None,
-        Slot::Triangle(t) => triangles.get(t).and_then(|t| geometric_normal(t, side)),
-        Slot::Point(p) => smooth().get(p).copied(),
+        ValueSlot::Mesh => None,
+        ValueSlot::Triangle(t) => triangles.get(t).and_then(|t| geometric_normal(t, side)),
+        ValueSlot::Point(p) => smooth().get(p).copied(),
     };
     let authored = desc.normals.as_ref().and_then(|p| convert(p, layout, dropped, read_normal, replacement));
     let is_smooth = matches!(desc.subdivision, Subdivision::CatmullClark | Subdivision::Loop);

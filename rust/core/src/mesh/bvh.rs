@@ -128,12 +128,12 @@ pub fn build_box_bvh(boxes: &[Aabb]) -> Bvh2 {
 /// Hierarchy over at least one box and the order of its items, leaves of at most `max_leaf`.
 fn build(boxes: &[Aabb], max_leaf: u32) -> (Bvh2, Vec<u32>) {
     if has_surface(boxes) {
-        let (bvh, order) = Layout::of_ploc(boxes, max_leaf);
+        let (bvh, order) = BvhLayout::of_ploc(boxes, max_leaf);
         if bvh.depth <= MAX_DEPTH {
             return (bvh, order);
         }
     }
-    Layout::balanced(boxes, max_leaf)
+    BvhLayout::balanced(boxes, max_leaf)
 }
 
 /// True when no box is empty or NaN and all surfaces are finite. PLOC compares surfaces: infinite ones make it merge a
@@ -147,13 +147,13 @@ fn has_surface(boxes: &[Aabb]) -> bool {
 
 /// Nodes and order while being laid out.
 #[derive(Default)]
-struct Layout {
+struct BvhLayout {
     nodes: Vec<BvhNode>,
     order: Vec<u32>,
     depth: u32,
 }
 
-impl Layout {
+impl BvhLayout {
     fn of_ploc(boxes: &[Aabb], max_leaf: u32) -> (Bvh2, Vec<u32>) {
         let obvhs_box = |b: &Aabb| obvhs::aabb::Aabb::new(Vec3A::from(b.min), Vec3A::from(b.max));
         let boxes: Vec<_> = boxes.iter().map(obvhs_box).collect();

@@ -9,7 +9,7 @@
 
 use super::bundle::build_bundles;
 use super::bvh::{Bvh2, build_item_bvh};
-use super::collapse::{Collapse, Part};
+use super::collapse::{BvhCollapse, CollapsedChild};
 use super::{Aabb, LeafKind, Triangle};
 use oocpt_abi::{ABSENT, Bvh4Node, LEAF, LevelNode};
 
@@ -22,7 +22,7 @@ const CELLS: f64 = 253.0;
 const MARGIN: f64 = 1.0 / 8192.0;
 /// A node of children in `boxes`, at most four, which `child` names.
 pub(super) fn level_node<'a>(boxes: impl Iterator<Item = &'a Aabb> + Clone, child: [u32; WIDTH]) -> LevelNode {
-    let Grid { origin, cell, lower, upper } = Grid::new(boxes, MARGIN);
+    let BoxGrid { origin, cell, lower, upper } = BoxGrid::new(boxes, MARGIN);
     LevelNode { origin, cell, lower, upper, child, pad: [0; 2] }
 }
 
@@ -57,7 +57,7 @@ pub(super) fn build_bvh4_over(boxes: &[Aabb], kind: LeafKind) -> (Bvh4, Vec<u32>
 pub(super) fn compress(bvh: &Bvh2, order: &[u32], in_order: bool) -> (Bvh4, Vec<u32>) {
     let mut places = Vec::with_capacity(order.len());
     let (nodes, stack) = widen(bvh, in_order, |parts, inner, first_child| {
-        let Grid { origin, cell, lower, upper } = Grid::new(parts.iter().map(|part| &part.bounds), 0.0);
+        let BoxGrid { origin, cell, lower, upper } = BoxGrid::new(parts.iter().map(|part| &part.bounds), 0.0);
         let mut node = Bvh4Node { origin, cell_and_counts: cell, lower, upper, ..Bvh4Node::default() };
         node.first_child = index(inner) << Bvh4Node::INNER_SHIFT | first_child;
         node.first_triangle = index(places.len());
@@ -92,10 +92,10 @@ pub fn level_nodes(bvh: &Bvh2) -> (Vec<LevelNode>, u32) {
 fn widen<N: Copy + Default>(
     bvh: &Bvh2,
     in_order: bool,
-    mut emit: impl FnMut(&[Part], usize, u32) -> N,
+    mut emit: impl FnMut(&[CollapsedChild], usize, u32) -> N,
 ) -> (Vec<N>, u32) {
     let (mut nodes, mut stack) = (vec![N::default()], 0);
-    let collapse = Collapse::new(bvh);
+    let collapse = BvhCollapse::new(bvh);
     let mut open = vec![(0_u32, 0_usize, 0_u32)];
     while let Some((node, slot, waiting)) = open.pop() {
         let parts = collapse.children(node, in_order);
@@ -124,14 +124,14 @@ pub(super) fn half_area(b: &Aabb) -> f64 {
 
 /// The grid of a node and the planes of its children.
 #[derive(Default)]
-struct Grid {
+struct BoxGrid {
     origin: [u32; 3],
     cell: u32,
     lower: [u32; 3],
     upper: [u32; 3],
 }
 
-impl Grid {
+impl BoxGrid {
     /// The planes of at most four `boxes`, further out by `margin` cells at least.
     fn new<'a>(boxes: impl Iterator<Item = &'a Aabb> + Clone, margin: f64) -> Self {
         let all = boxes.clone().fold(Aabb::EMPTY, |all, b| all.union(b));

@@ -5,13 +5,13 @@ use glam::DVec3;
 use oocpt_subdiv::Error;
 use rustc_hash::FxHashSet;
 
-use super::topology::{Face, Topology};
-use super::triangulate::Triangulator;
+use super::topology::{MeshFace, MeshTopology};
+use super::triangulate::FaceTriangulator;
 use crate::desc::DroppedData;
 
 /// See the module.
 #[derive(Default)]
-pub(crate) struct Cage {
+pub(crate) struct SubdivisionCage {
     pub(crate) counts: Vec<i32>,
     pub(crate) points: Vec<i32>,
     /// Authored corner of each of `points`.
@@ -21,23 +21,23 @@ pub(crate) struct Cage {
     pub(crate) faces: Vec<u32>,
 }
 
-impl Cage {
+impl SubdivisionCage {
     /// Points that follow themselves, as at the poles of many spheres, count once; faces that come back to a point are
     /// left out.
-    pub(crate) fn new(topology: &Topology, dropped: &mut DroppedData) -> Result<Self, Error> {
+    pub(crate) fn new(topology: &MeshTopology, dropped: &mut DroppedData) -> Result<Self, Error> {
         Self::of(topology, false, dropped)
     }
 
     /// As [`Self::new`], of faces that are flat: those of more than four corners and those that are not convex are cut
     /// into triangles, since a bilinear patch would not cover them.
-    pub(crate) fn flat(topology: &Topology, dropped: &mut DroppedData) -> Result<Self, Error> {
+    pub(crate) fn flat(topology: &MeshTopology, dropped: &mut DroppedData) -> Result<Self, Error> {
         Self::of(topology, true, dropped)
     }
 
-    fn of(topology: &Topology, is_flat: bool, dropped: &mut DroppedData) -> Result<Self, Error> {
+    fn of(topology: &MeshTopology, is_flat: bool, dropped: &mut DroppedData) -> Result<Self, Error> {
         let mut cage = Self::default();
         let (mut seen, mut corners) = (FxHashSet::default(), Vec::new());
-        let (mut triangulator, mut ears) = (Triangulator::default(), Vec::new());
+        let (mut triangulator, mut ears) = (FaceTriangulator::default(), Vec::new());
         for face in &topology.faces {
             let points = topology.face_corners(face);
             let Some(&last) = points.last() else { continue };
@@ -72,7 +72,7 @@ impl Cage {
     }
 
     /// Adds a face with these points and authored corners.
-    fn add(&mut self, face: &Face, corners: impl Iterator<Item = (u32, u32)>) -> Result<(), Error> {
+    fn add(&mut self, face: &MeshFace, corners: impl Iterator<Item = (u32, u32)>) -> Result<(), Error> {
         let start = self.points.len();
         for (point, corner) in corners {
             self.points.push(point.cast_signed());

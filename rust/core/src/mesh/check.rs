@@ -5,10 +5,10 @@ use super::bundle::bundle_boxes;
 use super::bvh::{Bvh2, BvhError, MAX_LEAF_TRIANGLES};
 use super::bvh4::{Bvh4, WIDTH};
 use super::{Aabb, LeafKind, Triangle};
-use oocpt_abi::Child;
+use oocpt_abi::NodeChild;
 
 /// What a walk has seen so far.
-struct Walk<'a> {
+struct BvhCheck<'a> {
     /// The items: boxes in the order in which leaves name them.
     boxes: &'a [Aabb],
     max_leaf: u32,
@@ -43,7 +43,8 @@ impl Bvh2 {
         if self.nodes.is_empty() {
             return Err(BvhError::Empty);
         }
-        let mut walk = Walk { boxes, max_leaf, seen: vec![false; boxes.len()], nodes: 0, depth: 0, is_clipped: false };
+        let mut walk =
+            BvhCheck { boxes, max_leaf, seen: vec![false; boxes.len()], nodes: 0, depth: 0, is_clipped: false };
         self.walk(&mut walk)?;
         if walk.nodes != self.nodes.len() || walk.seen.contains(&false) {
             return Err(BvhError::Coverage);
@@ -51,7 +52,7 @@ impl Bvh2 {
         if walk.depth == self.depth { Ok(()) } else { Err(BvhError::Depth) }
     }
 
-    fn walk(&self, walk: &mut Walk<'_>) -> Result<(), BvhError> {
+    fn walk(&self, walk: &mut BvhCheck<'_>) -> Result<(), BvhError> {
         let mut open = vec![(0_usize, 1_u32)];
         while let Some((at, depth)) = open.pop() {
             let node = self.nodes.get(at).ok_or(BvhError::Child(at))?;
@@ -122,7 +123,7 @@ impl Bvh4 {
             return Err(BvhError::Empty);
         }
         let seen = vec![false; boxes.len()];
-        let mut walk = Walk { boxes, max_leaf, seen, nodes: 0, depth: 0, is_clipped };
+        let mut walk = BvhCheck { boxes, max_leaf, seen, nodes: 0, depth: 0, is_clipped };
         self.walk(&mut walk, 0, 0)?;
         if walk.nodes != self.nodes.len() || walk.seen.contains(&false) {
             return Err(BvhError::Coverage);
@@ -131,20 +132,20 @@ impl Bvh4 {
     }
 
     /// Checks what is below node `at`, where `waiting` children wait on the stack; gives its box.
-    fn walk(&self, walk: &mut Walk<'_>, at: usize, waiting: u32) -> Result<Aabb, BvhError> {
+    fn walk(&self, walk: &mut BvhCheck<'_>, at: usize, waiting: u32) -> Result<Aabb, BvhError> {
         let node = self.nodes.get(at).ok_or(BvhError::Child(at))?;
         walk.nodes += 1;
-        let children: Vec<Child> = (0..4).map(|c| node.child(c)).take_while(|c| *c != Child::Absent).collect();
+        let children: Vec<NodeChild> = (0..4).map(|c| node.child(c)).take_while(|c| *c != NodeChild::Absent).collect();
         let waiting = waiting + u32::try_from(children.len()).unwrap_or(u32::MAX).saturating_sub(1);
         walk.depth = walk.depth.max(waiting);
-        if children.is_empty() || (0..).take(WIDTH).skip(children.len()).any(|c| node.child(c) != Child::Absent) {
+        if children.is_empty() || (0..).take(WIDTH).skip(children.len()).any(|c| node.child(c) != NodeChild::Absent) {
             return Err(BvhError::Child(at));
         }
         let mut all = Aabb::EMPTY;
         for (place, child) in children.into_iter().enumerate() {
             let inside = match child {
-                Child::Inner(child) if child as usize > at => self.walk(walk, child as usize, waiting)?,
-                Child::Leaf { first, count } => walk.leaf(at, first as usize, count)?,
+                NodeChild::Inner(child) if child as usize > at => self.walk(walk, child as usize, waiting)?,
+                NodeChild::Leaf { first, count } => walk.leaf(at, first as usize, count)?,
                 _ => return Err(BvhError::Child(at)),
             };
             for axis in 0..3 {
@@ -161,7 +162,7 @@ impl Bvh4 {
     }
 }
 
-impl Walk<'_> {
+impl BvhCheck<'_> {
     /// Marks a leaf's items and gives their box.
     fn leaf(&mut self, at: usize, first: usize, count: u32) -> Result<Aabb, BvhError> {
         let range = first..first + count as usize;

@@ -13,7 +13,7 @@ const MOST: usize = WIDTH - 1;
 
 /// A child of a wide node.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Part {
+pub(super) struct CollapsedChild {
     pub(super) bounds: Aabb,
     /// A node of the binary hierarchy, or what its leaf says.
     pub(super) child: u32,
@@ -23,7 +23,7 @@ pub(super) struct Part {
 
 /// Of what is below a binary node, as a forest of at most so many trees.
 #[derive(Clone, Copy, Debug, Default)]
-struct Choice {
+struct ForestChoice {
     /// Least sums of surfaces, of at most one tree, two, three.
     cost: [f64; MOST],
     /// The trees that these take.
@@ -34,23 +34,23 @@ struct Choice {
 
 /// See the module.
 #[derive(Debug)]
-pub(super) struct Collapse<'b> {
+pub(super) struct BvhCollapse<'b> {
     bvh: &'b Bvh2,
     /// By node.
-    choices: Vec<Choice>,
+    choices: Vec<ForestChoice>,
 }
 
-impl<'b> Collapse<'b> {
+impl<'b> BvhCollapse<'b> {
     /// Weighs all ways to collapse `bvh`, whose parents come before their children. Where surfaces are no numbers, any
     /// way may be taken.
     pub(super) fn new(bvh: &'b Bvh2) -> Self {
-        let mut choices = vec![Choice::default(); bvh.nodes.len()];
+        let mut choices = vec![ForestChoice::default(); bvh.nodes.len()];
         for (at, node) in bvh.nodes.iter().enumerate().rev() {
             let cost = [0, 1].map(|side| {
                 let below = inner(node, side).and_then(|child| choices.get(child));
                 below.map_or([0.0; MOST], |below| below.cost)
             });
-            choices[at] = Choice::new(&node.bounds(0).union(&node.bounds(1)), cost);
+            choices[at] = ForestChoice::new(&node.bounds(0).union(&node.bounds(1)), cost);
         }
         Self { bvh, choices }
     }
@@ -60,7 +60,7 @@ impl<'b> Collapse<'b> {
     ///
     /// Rays that begin in several children, or that any hit ends, take them about in this order: what is large is hit
     /// more likely.
-    pub(super) fn children(&self, node: u32, in_order: bool) -> Vec<Part> {
+    pub(super) fn children(&self, node: u32, in_order: bool) -> Vec<CollapsedChild> {
         let mut parts = Vec::with_capacity(WIDTH);
         let mut open = vec![(node, WIDTH)];
         while let Some((at, trees)) = open.pop() {
@@ -77,8 +77,8 @@ impl<'b> Collapse<'b> {
                 }
             }
         }
-        let area = |part: &Part| if in_order && part.count > 0 { 0.0 } else { half_area(&part.bounds) };
-        let is_leaf = |part: &Part| part.count > 0;
+        let area = |part: &CollapsedChild| if in_order && part.count > 0 { 0.0 } else { half_area(&part.bounds) };
+        let is_leaf = |part: &CollapsedChild| part.count > 0;
         parts.sort_by(|a, b| is_leaf(a).cmp(&is_leaf(b)).then(area(b).total_cmp(&area(a))));
         parts
     }
@@ -89,11 +89,11 @@ fn inner(node: &BvhNode, side: usize) -> Option<usize> {
     (node.count[side] == 0 && !node.bounds(side).is_empty()).then_some(node.child[side] as usize)
 }
 
-fn part(node: &BvhNode, side: usize) -> Part {
-    Part { bounds: node.bounds(side), child: node.child[side], count: node.count[side] }
+fn part(node: &BvhNode, side: usize) -> CollapsedChild {
+    CollapsedChild { bounds: node.bounds(side), child: node.child[side], count: node.count[side] }
 }
 
-impl Choice {
+impl ForestChoice {
     /// Of a node with these `bounds`, from the costs of its sides.
     fn new(bounds: &Aabb, [a, b]: [[f64; MOST]; 2]) -> Self {
         let mut best = Self { used: [1; MOST], first: [1; MOST], ..Self::default() };
@@ -161,7 +161,7 @@ mod tests {
                 })
                 .collect();
             let bvh = build_box_bvh(&boxes);
-            let collapse = Collapse::new(&bvh);
+            let collapse = BvhCollapse::new(&bvh);
             let (mut roots, mut leaves, mut open) = (0_u32, 0, vec![0_u32]);
             while let Some(at) = open.pop() {
                 roots |= 1 << at;
@@ -187,7 +187,7 @@ mod tests {
         let unit = Aabb { min: [0.0; 3], max: [1.0; 3] };
         for count in [0, 1, 2] {
             let bvh = build_box_bvh(&vec![unit; count]);
-            assert_eq!(Collapse::new(&bvh).children(0, false).len(), count);
+            assert_eq!(BvhCollapse::new(&bvh).children(0, false).len(), count);
         }
     }
 }

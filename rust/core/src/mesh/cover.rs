@@ -12,21 +12,21 @@ use glam::DVec3;
 use rayon::prelude::*;
 use xxhash_rust::xxh3::Xxh3;
 
-use super::demand::Demand;
+use super::demand::BuildDemand;
 use super::{Aabb, AnyAttribute, Attribute, LeafKind, MeshAsset, deform};
 use crate::material::Cutout;
-use crate::texture::{CoveredImage, Region};
+use crate::texture::{CoveredImage, UvRegion};
 
 /// What is known of a cutout.
 #[derive(Clone, Debug)]
-pub struct Cover {
+pub struct CutoutCover {
     pub(crate) cutout: Arc<Cutout>,
     /// Of a cutout by a texture.
     pub(crate) image: Option<Arc<CoveredImage>>,
 }
 
-/// By slot, as [`super::Displacements`]. Empty where nothing is cut out, or nothing is known of it.
-pub type Covers = Vec<Option<Cover>>;
+/// By slot, as [`super::SlotDisplacements`]. Empty where nothing is cut out, or nothing is known of it.
+pub type SlotCovers = Vec<Option<CutoutCover>>;
 
 /// Of coordinates, and of opacities that are interpolated: what rounding may do, as a share of the largest of what is
 /// summed.
@@ -34,7 +34,7 @@ const ROUNDING: f64 = 1.0 / (1 << 19) as f64;
 /// Of the range over the triangle: what the place of a hit may be off.
 const HIT: f64 = 1.0 / 512.0;
 
-impl Cover {
+impl CutoutCover {
     /// Adds all that the mesh depends on.
     pub(crate) fn hash(&self, hasher: &mut Xxh3) {
         let (name, numbers): (_, Vec<f32>) = match &*self.cutout {
@@ -51,12 +51,12 @@ impl Cover {
 
 /// What is there of a triangle: corners of a convex polygon, as weights of the triangle's own.
 #[derive(Clone, Copy, Debug)]
-struct Polygon {
+struct ClippedTriangle {
     corners: [[f64; 3]; 8],
     count: usize,
 }
 
-impl Polygon {
+impl ClippedTriangle {
     const WHOLE: Self = {
         let mut corners = [[0.0; 3]; 8];
         corners[0][0] = 1.0;
@@ -122,20 +122,20 @@ fn rounded_up(x: f64) -> f32 {
 }
 
 /// A slot's cutout over a mesh.
-enum Slot<'a> {
+enum CoveredSlot<'a> {
     Texture { set: &'a Attribute<[f32; 2]>, transform: [[f64; 3]; 2], image: &'a CoveredImage },
     Primvar { values: &'a AnyAttribute, threshold: f64 },
 }
 
 /// Cutouts over a mesh whose attributes were read.
-pub(super) struct Covered<'a> {
+pub(super) struct CoveredMesh<'a> {
     mesh: &'a MeshAsset,
-    slots: Vec<Option<Slot<'a>>>,
+    slots: Vec<Option<CoveredSlot<'a>>>,
 }
 
-impl<'a> Covered<'a> {
+impl<'a> CoveredMesh<'a> {
     /// None where nothing is cut out.
-    fn new(mesh: &'a MeshAsset, demand: &Demand<'a>) -> Option<Self> {
+    fn new(mesh: &'a MeshAsset, demand: &BuildDemand<'a>) -> Option<Self> {
         if mesh.kind != LeafKind::Triangles {
             return None;
         }
@@ -143,42 +143,42 @@ impl<'a> Covered<'a> {
             let id = demand.wanted.iter().find(|wanted| wanted.name == *name)?.id;
             mesh.primvars.iter().find(|primvar| primvar.id == id).map(|primvar| &primvar.values)
         };
-        let slot = |cover: &'a Option<Cover>| {
-            let Cover { cutout, image } = cover.as_ref()?;
+        let slot = |cover: &'a Option<CutoutCover>| {
+            let CutoutCover { cutout, image } = cover.as_ref()?;
             match &**cutout {
                 Cutout::Texture { set, transform, .. } => match values(set)? {
                     AnyAttribute::Two(set) => {
                         let transform = transform.map(|row| row.map(f64::from));
-                        Some(Slot::Texture { set, transform, image: image.as_deref()? })
+                        Some(CoveredSlot::Texture { set, transform, image: image.as_deref()? })
                     }
                     _ => None,
                 },
                 Cutout::Primvar { name, threshold } => {
-                    Some(Slot::Primvar { values: values(name)?, threshold: f64::from(*threshold) })
+                    Some(CoveredSlot::Primvar { values: values(name)?, threshold: f64::from(*threshold) })
                 }
             }
         };
-        let slots: Vec<Option<Slot<'a>>> = demand.covers.iter().map(slot).collect();
+        let slots: Vec<Option<CoveredSlot<'a>>> = demand.covers.iter().map(slot).collect();
         slots.iter().any(Option::is_some).then_some(Self { mesh, slots })
     }
 
     /// What is there of a triangle.
-    fn polygon(&self, triangle: usize) -> Polygon {
+    fn polygon(&self, triangle: usize) -> ClippedTriangle {
         let slot = self.mesh.subsets.get(triangle).copied().unwrap_or(0);
         match self.slots.get(usize::from(slot)) {
-            Some(Some(Slot::Texture { set, transform, image })) => {
+            Some(Some(CoveredSlot::Texture { set, transform, image })) => {
                 let places = self.corners(set.rate, triangle).map(|at| {
                     let [s, t] = set.values.get(at).map_or([f64::NAN; 2], |st| st.map(f64::from));
                     transform.map(|[a, b, c]| [a * s, b * t, c])
                 });
                 in_image(image, places)
             }
-            Some(Some(Slot::Primvar { values, threshold })) => {
+            Some(Some(CoveredSlot::Primvar { values, threshold })) => {
                 let width = values.width() as usize;
                 let value = |at: usize| values.floats().get(at * width).map_or(f64::NAN, |value| f64::from(*value));
                 above(self.corners(values.rate(), triangle).map(value), *threshold)
             }
-            _ => Polygon::WHOLE,
+            _ => ClippedTriangle::WHOLE,
         }
     }
 
@@ -219,8 +219,8 @@ impl<'a> Covered<'a> {
 
 /// The boxes of a mesh's triangles, empty ones of those of which nothing is there; none where nothing is cut off, or
 /// nothing is left.
-pub(super) fn covered_boxes(mesh: &MeshAsset, demand: &Demand<'_>) -> Option<Vec<Aabb>> {
-    let covered = Covered::new(mesh, demand)?;
+pub(super) fn covered_boxes(mesh: &MeshAsset, demand: &BuildDemand<'_>) -> Option<Vec<Aabb>> {
+    let covered = CoveredMesh::new(mesh, demand)?;
     let is_cut = AtomicBool::new(false);
     let bounds = |triangle: usize| match covered.clipped(triangle) {
         Some(clipped) => {
@@ -235,7 +235,7 @@ pub(super) fn covered_boxes(mesh: &MeshAsset, demand: &Demand<'_>) -> Option<Vec
 }
 
 /// What of a triangle lies where an image has something. `places`: of its corners, for each coordinate what is summed.
-fn in_image(image: &CoveredImage, places: [[[f64; 3]; 2]; 3]) -> Polygon {
+fn in_image(image: &CoveredImage, places: [[[f64; 3]; 2]; 3]) -> ClippedTriangle {
     let at = |axis: usize| places.map(|place| place[axis].iter().sum::<f64>());
     let axes = [at(0), at(1)];
     let low = axes.map(|values| values.into_iter().fold(f64::INFINITY, f64::min));
@@ -243,33 +243,33 @@ fn in_image(image: &CoveredImage, places: [[[f64; 3]; 2]; 3]) -> Polygon {
     let summed = |axis: usize| places.iter().map(|place| place[axis].iter().map(|x| x.abs()).sum()).fold(1.0, f64::max);
     let rounding = [0, 1].map(|axis| ROUNDING * summed(axis));
     if !axes.as_flattened().iter().chain(&rounding).all(|x| x.is_finite()) {
-        return Polygon::WHOLE;
+        return ClippedTriangle::WHOLE;
     }
-    let grown = |[low, high]: Region, by: [f64; 2]| [[0, 1].map(|i| low[i] - by[i]), [0, 1].map(|i| high[i] + by[i])];
+    let grown = |[low, high]: UvRegion, by: [f64; 2]| [[0, 1].map(|i| low[i] - by[i]), [0, 1].map(|i| high[i] + by[i])];
     let Some(there) = image.within(grown([low, high], rounding), rounding.map(|by| 2.0 * by)) else {
-        return Polygon { count: 0, ..Polygon::WHOLE };
+        return ClippedTriangle { count: 0, ..ClippedTriangle::WHOLE };
     };
     let by = [0, 1].map(|i| rounding[i] + HIT * (high[i] - low[i]));
     let [from, to] = grown(there, by);
-    (0..2).fold(Polygon::WHOLE, |polygon, axis| {
+    (0..2).fold(ClippedTriangle::WHOLE, |polygon, axis| {
         polygon.cut(axes[axis].map(|x| x - from[axis])).cut(axes[axis].map(|x| to[axis] - x))
     })
 }
 
 /// What of a triangle may have an interpolated value that is at or above a threshold, or above 0.
-fn above(values: [f64; 3], threshold: f64) -> Polygon {
+fn above(values: [f64; 3], threshold: f64) -> ClippedTriangle {
     let largest = values.iter().fold(threshold.abs(), |largest, value| largest.max(value.abs()));
     if !values.iter().all(|value| value.is_finite()) {
-        return Polygon::WHOLE;
+        return ClippedTriangle::WHOLE;
     }
     let [low, high] =
         [values.iter().fold(f64::INFINITY, |a, b| a.min(*b)), values.iter().fold(f64::NEG_INFINITY, |a, b| a.max(*b))];
     // Weights of a hit may be a little less than 0: only what is 0 at all corners is so everywhere.
     if threshold <= 0.0 && largest <= 0.0 {
-        return Polygon { count: 0, ..Polygon::WHOLE };
+        return ClippedTriangle { count: 0, ..ClippedTriangle::WHOLE };
     }
     let margin = ROUNDING * largest + HIT * (high - low);
-    Polygon::WHOLE.cut(values.map(|value| value - threshold + margin))
+    ClippedTriangle::WHOLE.cut(values.map(|value| value - threshold + margin))
 }
 
 #[cfg(test)]

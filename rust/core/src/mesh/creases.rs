@@ -9,7 +9,7 @@ const INFINITE: f64 = 10.0;
 
 /// Usable creases and corners.
 #[derive(Debug, Default, PartialEq)]
-pub(crate) struct Sharpness {
+pub(crate) struct CreaseSharpness {
     /// Two points for each edge.
     pub(crate) crease_pairs: Vec<i32>,
     pub(crate) crease_weights: Vec<f32>,
@@ -17,7 +17,7 @@ pub(crate) struct Sharpness {
     pub(crate) corner_weights: Vec<f32>,
 }
 
-impl Sharpness {
+impl CreaseSharpness {
     /// Reads what makes sense of `tags`, for a mesh with so many points.
     pub(crate) fn read(tags: &SubdivisionTags, point_count: usize, dropped: &mut DroppedData) -> Self {
         let mut sharpness = Self::default();

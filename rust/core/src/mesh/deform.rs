@@ -10,11 +10,11 @@ use oocpt_abi::AttributeRate;
 
 use super::build::{UnsortedMesh, build_normals};
 use super::leaf::round::is_width;
-use super::primvar::{Layout, Source, extend_points};
-use super::topology::{Topology, read_point};
+use super::primvar::{PrimvarLayout, TriangleSource, extend_points};
+use super::topology::{MeshTopology, read_point};
 use super::{Aabb, Attribute, LeafKind, Triangle};
 use crate::array::{ArrayView, TypedArray};
-use crate::desc::{DroppedData, MeshDesc, PointsMotion, PointsSample, Shape};
+use crate::desc::{DroppedData, MeshDesc, PointsMotion, PointsSample, PrimShape};
 
 /// Most poses of a prim.
 const MAX_POSES: usize = 16;
@@ -25,7 +25,7 @@ const LEAST_TIME: f64 = 1e-6;
 
 /// The points of a prim at a time.
 #[derive(Clone, Debug)]
-pub(crate) struct Pose {
+pub(crate) struct PointsPose {
     /// Part of the shutter.
     pub(crate) time: f32,
     /// Positions; NaN where they are not usable.
@@ -49,7 +49,7 @@ pub struct MeshKeys {
     pub normals: Vec<[[f32; 3]; 3]>,
 }
 
-impl Pose {
+impl PointsPose {
     /// Points at a part of the shutter, and nothing else that changes.
     pub(crate) fn at(time: f32, points: Vec<[f32; 3]>) -> Self {
         Self { time, points, normals: None, widths: None, radii: None }
@@ -84,7 +84,7 @@ impl MeshKeys {
 }
 
 /// The poses of a prim, two or more, or none where nothing moves; or why its motion cannot be used.
-pub(super) fn poses(desc: &MeshDesc) -> Result<Vec<Pose>, String> {
+pub(super) fn poses(desc: &MeshDesc) -> Result<Vec<PointsPose>, String> {
     let PointsMotion { samples, velocities, accelerations, seconds } = &desc.point_motion;
     let present = |array: &Option<TypedArray>| array.clone().filter(|array| !array.is_empty());
     let poses = match present(velocities) {
@@ -94,13 +94,13 @@ pub(super) fn poses(desc: &MeshDesc) -> Result<Vec<Pose>, String> {
     };
     let points = desc.points.view();
     let is_usable = |at: usize| !read_point(points.vec3(at))[0].is_nan();
-    let breaks = |pose: &Pose| pose.points.iter().enumerate().any(|(at, p)| p[0].is_nan() && is_usable(at));
+    let breaks = |pose: &PointsPose| pose.points.iter().enumerate().any(|(at, p)| p[0].is_nan() && is_usable(at));
     if poses.iter().any(breaks) {
         return Err("has points that are not finite, or too far away, while the shutter is open".to_owned());
     }
     // Normals turn ribbons.
-    let with_normals = matches!(desc.shape, Shape::Curves(_));
-    let bits = |pose: &Pose| pose.bits(with_normals);
+    let with_normals = matches!(desc.shape, PrimShape::Curves(_));
+    let bits = |pose: &PointsPose| pose.bits(with_normals);
     let moves = poses.windows(2).any(|pair| bits(&pair[0]) != bits(&pair[1]));
     Ok(if moves { poses } else { Vec::new() })
 }
@@ -111,7 +111,7 @@ fn by_rates(
     velocities: &TypedArray,
     accelerations: Option<&TypedArray>,
     [open, close]: [f64; 2],
-) -> Result<Vec<Pose>, String> {
+) -> Result<Vec<PointsPose>, String> {
     let (points, velocities) = (desc.points.view(), velocities.view());
     let accelerations = accelerations.map(TypedArray::view);
     let fits = |rates: &ArrayView<'_>| rates.len() == points.len() && rates.vec3(0).is_some();
@@ -131,13 +131,13 @@ fn by_rates(
             Some(place)
         };
         let points = (0..points.len()).map(|at| read_point(moved(at))).collect();
-        Pose::at(time as f32, points)
+        PointsPose::at(time as f32, points)
     };
     Ok((0..count).map(pose).collect())
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "times of keys are in single precision")]
-fn by_samples(desc: &MeshDesc, samples: &[PointsSample]) -> Result<Vec<Pose>, String> {
+fn by_samples(desc: &MeshDesc, samples: &[PointsSample]) -> Result<Vec<PointsPose>, String> {
     let times: Vec<f64> = samples.iter().map(|sample| sample.time).collect();
     if !times.iter().all(|time| time.is_finite() && time.abs() < 1e6)
         || times.windows(2).any(|pair| pair[1] - pair[0] <= LEAST_TIME)
@@ -179,7 +179,7 @@ fn by_samples(desc: &MeshDesc, samples: &[PointsSample]) -> Result<Vec<Pose>, St
             (Some(a), Some(b)) if with_widths => Some(TypedArray::of(scalars_between(a, b, part))),
             _ => None,
         };
-        Some(Pose { normals, widths, ..Pose::at(time as f32, between(&from.points, &to.points)) })
+        Some(PointsPose { normals, widths, ..PointsPose::at(time as f32, between(&from.points, &to.points)) })
     };
     Ok(keys.into_iter().filter_map(pose).collect())
 }
@@ -221,19 +221,20 @@ fn scalars_between(a: &TypedArray, b: &TypedArray, part: f64) -> Vec<f32> {
 /// The keys of items that come from `layout.sources`; `triangles` and `normals` become those of the first one.
 pub(super) fn read_keys(
     loose: UnsortedMesh<'_>,
-    layout: Layout<'_>,
+    layout: PrimvarLayout<'_>,
     triangles: &mut [Triangle],
     normals: &mut Option<Attribute<[f32; 3]>>,
 ) -> MeshKeys {
     let UnsortedMesh { desc, topology, kind, radii, poses, .. } = loose;
-    let vertices =
-        |pose: &Pose| vertices_at(layout, layout.sources, kind, &pose.points, pose.radii.as_deref().unwrap_or(radii));
+    let vertices = |pose: &PointsPose| {
+        vertices_at(layout, layout.sources, kind, &pose.points, pose.radii.as_deref().unwrap_or(radii))
+    };
     let posed: Vec<Vec<[[f32; 3]; 3]>> = poses.iter().map(vertices).collect();
     let Some((first, later)) = posed.split_first() else { return MeshKeys::default() };
     let mut at_keys = Vec::new();
     if normals.is_some() {
         for (pose, vertices) in poses.iter().zip(&posed) {
-            let topology = Topology { points: pose.points.clone(), ..topology.clone() };
+            let topology = MeshTopology { points: pose.points.clone(), ..topology.clone() };
             let mut desc = desc.clone();
             if let (Some(values), Some(normals)) = (&pose.normals, &mut desc.normals) {
                 normals.values = values.clone();
@@ -261,8 +262,8 @@ pub(super) fn read_keys(
 
 /// The vertices of items at a pose. `radii`: by point, where they have some.
 fn vertices_at(
-    layout: Layout<'_>,
-    sources: &[Source],
+    layout: PrimvarLayout<'_>,
+    sources: &[TriangleSource],
     kind: LeafKind,
     points: &[[f32; 3]],
     radii: &[f32],
@@ -270,7 +271,7 @@ fn vertices_at(
     let points = extend_points(layout, points.to_vec());
     let place = |point: u32| points.get(point as usize).copied().unwrap_or([f32::NAN; 3]);
     let radius = |point: u32| radii.get(point as usize).copied().unwrap_or(0.0);
-    let item = |source: &Source| {
+    let item = |source: &TriangleSource| {
         let corners = source.corners.map(|corner| layout.point(corner));
         kind.vertices(corners.map(place), corners.map(radius))
     };

@@ -14,7 +14,7 @@ pub(super) const MOST_PIECES: i32 = 256;
 /// Everything is in object space. A length covers as many pixels as it has units, times [`Self::density`], or where a
 /// view is near, times `focal / distance`; the larger one counts.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Dicing {
+pub struct DicingRate {
     /// Longest piece in pixels; 0 = edges are cut as the refine level says.
     pub pixels: f64,
     /// Pixels of a unit of length, at least.
@@ -22,19 +22,19 @@ pub struct Dicing {
     /// Pixels of a unit of length at distance 1.
     pub focal: f64,
     /// Places of the camera, as the nearest placements see it.
-    pub eyes: Vec<Eye>,
+    pub eyes: Vec<CameraEye>,
 }
 
 /// A place of the camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Eye {
+pub struct CameraEye {
     /// Where it is.
     pub position: DVec3,
     /// What is nearer counts as this far away. Above zero.
     pub nearest: f64,
 }
 
-impl Dicing {
+impl DicingRate {
     /// Pieces of the edge from `a` to `b`, at least `least` and at most `MOST_PIECES`. The same for both directions.
     #[must_use]
     pub fn pieces(&self, a: DVec3, b: DVec3, least: i32) -> i32 {
@@ -56,7 +56,7 @@ impl Dicing {
     /// Pixels of a unit of length between `a` and `b`; 0 where no camera sees it.
     #[must_use]
     pub fn density_of(&self, a: DVec3, b: DVec3) -> f64 {
-        let density = |eye: &Eye| self.focal / distance(eye.position, a, b).max(eye.nearest);
+        let density = |eye: &CameraEye| self.focal / distance(eye.position, a, b).max(eye.nearest);
         if self.pixels > 0.0 { self.eyes.iter().map(density).fold(self.density, f64::max) } else { 0.0 }
     }
 

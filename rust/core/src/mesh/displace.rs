@@ -9,25 +9,25 @@
 use std::ops::Range;
 
 use glam::{DVec3, Vec3};
-use oocpt_subdiv::Facets;
+use oocpt_subdiv::LimitFacets;
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 
 use super::cut_values::CutValues;
-use super::demand::Demand;
-use super::pattern_relief::Surface;
+use super::demand::BuildDemand;
+use super::pattern_relief::DicedSurface;
 use super::primvar::subsets_of_faces;
-use super::relief::{Members, Relief};
+use super::relief::{MeshRelief, UdimMembers};
 use super::topology::MAX_COORDINATE;
 use crate::desc::{DroppedData, MeshDesc};
-use crate::texture::Heights;
+use crate::texture::HeightCache;
 
 /// Vertices of one place whose normals have a larger cosine are smooth together.
 const SAME_NORMAL: f64 = 1.0 - 1e-4;
 
 /// A mesh that was cut: authored numbers of faces, values at its vertices, normals on the outer side.
-pub(super) struct Cut<'a> {
-    pub(super) facets: &'a Facets,
+pub(super) struct DicedMesh<'a> {
+    pub(super) facets: &'a LimitFacets,
     /// Authored number of each control face.
     pub(super) faces: &'a [u32],
     /// With the values at the vertices.
@@ -53,7 +53,7 @@ struct AskedFace {
     /// Its vertices in the list of all.
     vertices: Range<usize>,
     /// What it looks at.
-    members: Members,
+    members: UdimMembers,
 }
 
 /// A vertex of a face.
@@ -65,29 +65,29 @@ struct AskedVertex {
 
 /// What faces say about a place.
 #[derive(Clone, Copy, Default)]
-struct Sum {
+struct VertexSum {
     normal: DVec3,
     height: f64,
     faces: f64,
 }
 
 /// What faces say about all places.
-struct Sums {
-    sums: Vec<Sum>,
+struct VertexSums {
+    sums: Vec<VertexSum>,
     /// Sums of vectors; empty where no face says any.
     vectors: Vec<DVec3>,
 }
 
 /// Positions and normals, one for each vertex.
-pub(super) struct Displaced {
+pub(super) struct DisplacedVertices {
     pub(super) positions: Vec<[f32; 3]>,
     pub(super) normals: Vec<[f32; 3]>,
     pub(super) notes: Vec<String>,
 }
 
-impl Cut<'_> {
+impl DicedMesh<'_> {
     /// Moves the vertices as `demand` says.
-    pub(super) fn displace(mut self, demand: &Demand<'_>, dropped: &mut DroppedData) -> Displaced {
+    pub(super) fn displace(mut self, demand: &BuildDemand<'_>, dropped: &mut DroppedData) -> DisplacedVertices {
         let (positions, _) = self.facets.positions.as_chunks::<3>();
         if self.is_flat {
             self.take_authored_normals();
@@ -96,7 +96,7 @@ impl Cut<'_> {
         let moves = self.moves(&sums, dropped);
         let normals = self.turned(&moves);
         let moved = |(at, by): (&[f32; 3], &DVec3)| (Vec3::from(*at).as_dvec3() + *by).as_vec3().to_array();
-        Displaced { positions: positions.iter().zip(&moves).map(moved).collect(), normals, notes }
+        DisplacedVertices { positions: positions.iter().zip(&moves).map(moved).collect(), normals, notes }
     }
 
     fn runs(&self) -> impl Iterator<Item = FaceRun<'_>> {
@@ -134,20 +134,20 @@ impl Cut<'_> {
     }
 
     /// What the faces around each place say, and what could not be read.
-    fn sums(&self, demand: &Demand<'_>) -> (Sums, Vec<String>) {
+    fn sums(&self, demand: &BuildDemand<'_>) -> (VertexSums, Vec<String>) {
         // What is wrong with subsets is counted where their materials are.
         let subsets = subsets_of_faces(self.desc, self.face_count, &mut DroppedData::default());
         let slot = |face: u32| subsets.get(face as usize).map_or(0, |subset| usize::from(*subset));
-        let surface = Surface { positions: self.facets.positions.as_chunks::<3>().0, normals: &self.normals };
-        let relief = |displacement| Relief::new(displacement, self.desc, surface);
-        let mut reliefs: Vec<Option<Relief<'_>>> =
+        let surface = DicedSurface { positions: self.facets.positions.as_chunks::<3>().0, normals: &self.normals };
+        let relief = |displacement| MeshRelief::new(displacement, self.desc, surface);
+        let mut reliefs: Vec<Option<MeshRelief<'_>>> =
             demand.displacements.iter().map(|slot| slot.as_deref().map(relief)).collect();
         for run in self.runs() {
             if let Some(Some(relief)) = reliefs.get_mut(slot(run.face)) {
                 relief.measure(run.face, run.triangles);
             }
         }
-        reliefs.iter_mut().flatten().for_each(Relief::settle);
+        reliefs.iter_mut().flatten().for_each(MeshRelief::settle);
         let (mut faces, vertices) = self.asked(slot);
         faces.par_iter_mut().for_each(|asked| {
             if let Some(Some(relief)) = reliefs.get(asked.slot) {
@@ -155,7 +155,7 @@ impl Cut<'_> {
                 asked.members = relief.members(asked.face, own.iter().map(|asked| asked.vertex));
             }
         });
-        let none = Heights::default();
+        let none = HeightCache::default();
         let heights = demand.heights.unwrap_or(&none);
         for asked in &faces {
             if let Some(Some(relief)) = reliefs.get_mut(asked.slot) {
@@ -174,11 +174,11 @@ impl Cut<'_> {
             found.map_or(DVec3::ZERO, |(relief, face)| relief.vector(face.face, asked.vertex, &face.members))
         };
         let heights: Vec<f64> = vertices.par_iter().map(height).collect();
-        let has_vectors = reliefs.iter().flatten().any(Relief::is_vector);
+        let has_vectors = reliefs.iter().flatten().any(MeshRelief::is_vector);
         let vectors: Vec<DVec3> = if has_vectors { vertices.par_iter().map(vector).collect() } else { Vec::new() };
         // In the order of faces: sums of floats depend on it.
         let places = self.facets.places.len();
-        let mut sums = vec![Sum::default(); places];
+        let mut sums = vec![VertexSum::default(); places];
         for (asked, height) in vertices.iter().zip(heights) {
             if let Some(sum) = sums.get_mut(self.place(asked.vertex)) {
                 sum.normal += self.normal(asked.vertex);
@@ -192,8 +192,8 @@ impl Cut<'_> {
                 *sum += vector;
             }
         }
-        let problems = reliefs.into_iter().flatten().flat_map(Relief::into_problems).collect();
-        (Sums { sums, vectors: vector_sums }, problems)
+        let problems = reliefs.into_iter().flatten().flat_map(MeshRelief::into_problems).collect();
+        (VertexSums { sums, vectors: vector_sums }, problems)
     }
 
     /// All faces, each with its vertices; `slot` says which relief a face has.
@@ -209,13 +209,13 @@ impl Cut<'_> {
                 }
             }
             let (face, slot) = (run.face, slot(run.face));
-            faces.push(AskedFace { face, slot, vertices: first..vertices.len(), members: Members::default() });
+            faces.push(AskedFace { face, slot, vertices: first..vertices.len(), members: UdimMembers::default() });
         }
         (faces, vertices)
     }
 
     /// By how much each vertex moves.
-    fn moves(&self, Sums { sums, vectors }: &Sums, dropped: &mut DroppedData) -> Vec<DVec3> {
+    fn moves(&self, VertexSums { sums, vectors }: &VertexSums, dropped: &mut DroppedData) -> Vec<DVec3> {
         let (positions, _) = self.facets.positions.as_chunks::<3>();
         let mut by_place = vec![DVec3::ZERO; sums.len()];
         for (number, ((by, sum), at)) in by_place.iter_mut().zip(sums).zip(positions).enumerate() {

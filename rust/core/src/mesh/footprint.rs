@@ -2,15 +2,15 @@
 //! How much host memory building a mesh takes, told before it is built: an upper bound, from the lengths of its arrays
 //! and from how finely it is cut. Tests hold it to what building really takes. Pure.
 
-use super::demand::Demand;
-use super::dicing::Dicing;
+use super::demand::BuildDemand;
+use super::dicing::DicingRate;
 use super::leaf::round::curve_points;
-use super::primvar::Source;
-use super::refine::{Cutting, MAX_REFINED_TRIANGLES};
-use super::topology::{Face, MAX_CORNERS};
+use super::primvar::TriangleSource;
+use super::refine::{EdgeRates, MAX_REFINED_TRIANGLES};
+use super::topology::{MAX_CORNERS, MeshFace};
 use super::{POINT_BUNDLE, POINT_BYTES, TRIANGLE_BYTES, Triangle};
 use crate::array::TypedArray;
-use crate::desc::{CurveBasis, Interpolation, MeshDesc, Primvar, Shape, Subdivision};
+use crate::desc::{CurveBasis, Interpolation, MeshDesc, PrimShape, Primvar, Subdivision};
 use glam::DVec3;
 use oocpt_abi::{Bvh4Node, NAME_PTEX};
 
@@ -20,7 +20,7 @@ const TREE: u64 = 340;
 /// Bytes of an item.
 const ITEM: u64 = size_of::<Triangle>() as u64;
 /// Bytes of an item and of where it comes from, while a description is read.
-const READ_ITEM: u64 = ITEM + size_of::<Source>() as u64;
+const READ_ITEM: u64 = ITEM + size_of::<TriangleSource>() as u64;
 /// Bytes of its share of the nodes.
 const NODES: u64 = size_of::<Bvh4Node>() as u64 * 5 / 16;
 /// Bytes of an item that is sorted into clusters.
@@ -40,7 +40,7 @@ const MOST_KEYS: u64 = 16;
 
 /// See the module. Bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Footprint {
+pub(crate) struct BuildFootprint {
     /// At most while its arrays are read.
     reading: u64,
     /// At most from then on, without clusters under way.
@@ -51,7 +51,7 @@ pub(crate) struct Footprint {
     clusters: u64,
 }
 
-impl Footprint {
+impl BuildFootprint {
     /// The least that building takes: one cluster is made at a time.
     pub(crate) fn least(&self) -> u64 {
         self.reading.max(self.whole.saturating_add(self.cluster))
@@ -73,14 +73,14 @@ impl Footprint {
     }
 
     /// What building a mesh takes, as `super::build` does it.
-    pub(crate) fn of(desc: &MeshDesc, demand: &Demand<'_>, limit_bytes: u64, cluster_bytes: u64) -> Self {
+    pub(crate) fn of(desc: &MeshDesc, demand: &BuildDemand<'_>, limit_bytes: u64, cluster_bytes: u64) -> Self {
         let lengths = [&desc.face_vertex_counts, &desc.face_vertex_indices, &desc.points].map(TypedArray::len);
         if lengths.into_iter().any(|length| length > MAX_CORNERS) {
             // It is refused before anything is made of it.
             return Self::default();
         }
-        let mut read = Read::of(desc, demand, lengths.map(|length| length as u64));
-        let is_cut_out = matches!(desc.shape, Shape::Mesh) && demand.covers.iter().any(Option::is_some);
+        let mut read = ReadSize::of(desc, demand, lengths.map(|length| length as u64));
+        let is_cut_out = matches!(desc.shape, PrimShape::Mesh) && demand.covers.iter().any(Option::is_some);
         read.covered = if is_cut_out { COVERED.saturating_mul(read.items) } else { 0 };
         read.footprint(limit_bytes, cluster_bytes)
     }
@@ -88,7 +88,7 @@ impl Footprint {
 
 /// What a description is read to.
 #[derive(Clone, Copy, Debug, Default)]
-struct Read {
+struct ReadSize {
     /// Triangles or other items.
     items: u64,
     /// True for points, which have a tree over bundles.
@@ -103,17 +103,17 @@ struct Read {
     covered: u64,
 }
 
-impl Read {
-    fn of(desc: &MeshDesc, demand: &Demand<'_>, [faces, corners, points]: [u64; 3]) -> Self {
+impl ReadSize {
+    fn of(desc: &MeshDesc, demand: &BuildDemand<'_>, [faces, corners, points]: [u64; 3]) -> Self {
         let keys = key_count(desc);
         let of_ptex = demand.wanted.iter().any(|wanted| wanted.id == NAME_PTEX);
         let topology = |faces: u64, corners: u64, points: u64| {
-            faces * size_of::<Face>() as u64 + 4 * corners + POINT * points * (1 + keys)
+            faces * size_of::<MeshFace>() as u64 + 4 * corners + POINT * points * (1 + keys)
         };
-        let none = Dicing::default();
+        let none = DicingRate::default();
         let dicing = demand.dicing.unwrap_or(&none);
         match &desc.shape {
-            Shape::Mesh if demand.refines(desc) && !of_ptex => {
+            PrimShape::Mesh if demand.refines(desc) && !of_ptex => {
                 let items = refined_triangles(desc, demand, dicing, corners);
                 // Where faces meet at edges that are not smooth, each has vertices of its own.
                 let vertices = items.saturating_add(corners);
@@ -124,7 +124,7 @@ impl Read {
                 let beside = control.saturating_add(cut.saturating_mul(keys.max(1))).saturating_add(refined);
                 Self::with(desc, items, beside, values.saturating_add(POINT * vertices), keys)
             }
-            Shape::Mesh => {
+            PrimShape::Mesh => {
                 let items = triangle_count(desc, corners, of_ptex);
                 let values = value_bytes(desc, demand, [1, items, points, 3 * items]);
                 let is_smooth = matches!(desc.subdivision, Subdivision::CatmullClark | Subdivision::Loop);
@@ -134,7 +134,7 @@ impl Read {
                 let beside = topology(faces, corners, points) + smooth + 2 * ptex;
                 Self::with(desc, items, beside, values.saturating_add(smooth / 5 + ptex), keys)
             }
-            Shape::Curves(curves) => {
+            PrimShape::Curves(curves) => {
                 let indices = curves.indices.as_ref().map_or(0, |indices| indices.len() as u64);
                 let count = match curves.basis {
                     CurveBasis::Linear => counted(&curves.counts, |count| count).min(points.max(indices)),
@@ -169,7 +169,7 @@ impl Read {
         ITEM.saturating_mul(self.items).saturating_add(self.attributes).saturating_add(self.keys)
     }
 
-    fn footprint(&self, limit_bytes: u64, cluster_bytes: u64) -> Footprint {
+    fn footprint(&self, limit_bytes: u64, cluster_bytes: u64) -> BuildFootprint {
         let loose = self.loose();
         // Items in blocks and all together; lists of values grow while they are read.
         let items = (2 * READ_ITEM).saturating_mul(self.items);
@@ -186,7 +186,7 @@ impl Read {
         let expected = device.saturating_mul(self.items).saturating_add(self.attributes);
         let whole = loose.saturating_add(self.covered).saturating_add(tree(self.items.min(limit_bytes / device)));
         if expected <= limit_bytes {
-            return Footprint { reading, whole, cluster: 0, clusters: 0 };
+            return BuildFootprint { reading, whole, cluster: 0, clusters: 0 };
         }
         let of_cluster = self.items.min(cluster_bytes / device + 1);
         let cluster = tree(of_cluster).saturating_add(arranged(of_cluster)).saturating_add(40 * of_cluster);
@@ -194,7 +194,7 @@ impl Read {
         // Values that are not usable may make it small enough for one tree.
         let is_near = expected / 2 <= limit_bytes;
         let reading = if is_near { reading.max(whole) } else { reading };
-        Footprint { reading, whole: sorted, cluster, clusters: expected.div_ceil(cluster_bytes.max(1)) }
+        BuildFootprint { reading, whole: sorted, cluster, clusters: expected.div_ceil(cluster_bytes.max(1)) }
     }
 }
 
@@ -222,8 +222,8 @@ fn counted(counts: &TypedArray, of: impl Fn(u64) -> u64) -> u64 {
 }
 
 /// Most triangles of a surface that is cut.
-fn refined_triangles(desc: &MeshDesc, demand: &Demand<'_>, dicing: &Dicing, corners: u64) -> u64 {
-    let cutting = Cutting::new(desc, dicing, demand.displaces(desc));
+fn refined_triangles(desc: &MeshDesc, demand: &BuildDemand<'_>, dicing: &DicingRate, corners: u64) -> u64 {
+    let cutting = EdgeRates::new(desc, dicing, demand.displaces(desc));
     let (counts, indices, points) =
         (desc.face_vertex_counts.view(), desc.face_vertex_indices.view(), desc.points.view());
     let point = |corner: usize| {
@@ -252,7 +252,7 @@ fn refined_triangles(desc: &MeshDesc, demand: &Demand<'_>, dicing: &Dicing, corn
 }
 
 /// Bytes of values, where a primvar has so many of each: for all, for each face, for each point, for each corner.
-fn value_bytes(desc: &MeshDesc, demand: &Demand<'_>, counts: [u64; 4]) -> u64 {
+fn value_bytes(desc: &MeshDesc, demand: &BuildDemand<'_>, counts: [u64; 4]) -> u64 {
     let bytes = |primvar: &Primvar, width: u64| {
         let count = match primvar.interpolation {
             Interpolation::Constant | Interpolation::Instance => counts[0],

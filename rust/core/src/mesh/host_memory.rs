@@ -90,14 +90,14 @@ impl HostMemory {
     }
 
     /// Reserves memory for a build if there is room.
-    pub(crate) fn try_reserve(self: &Arc<Self>, bytes: u64) -> Option<Reserved> {
-        self.take(bytes, self.room.load(Ordering::Relaxed)).then(|| Reserved { memory: self.clone(), bytes })
+    pub(crate) fn try_reserve(self: &Arc<Self>, bytes: u64) -> Option<ReservedMemory> {
+        self.take(bytes, self.room.load(Ordering::Relaxed)).then(|| ReservedMemory { memory: self.clone(), bytes })
     }
 
     /// Reserves memory for a build whether there is room or not; nothing where the sum is no number.
-    pub(crate) fn reserve(self: &Arc<Self>, bytes: u64) -> Reserved {
+    pub(crate) fn reserve(self: &Arc<Self>, bytes: u64) -> ReservedMemory {
         let bytes = if self.take(bytes, u64::MAX) { bytes } else { 0 };
-        Reserved { memory: self.clone(), bytes }
+        ReservedMemory { memory: self.clone(), bytes }
     }
 
     /// Keeps an asset if there is room.
@@ -138,12 +138,12 @@ pub(crate) fn too_large(needed: u64, budget: u64) -> String {
 
 /// Memory for a build, until this is dropped.
 #[derive(Debug)]
-pub(crate) struct Reserved {
+pub(crate) struct ReservedMemory {
     memory: Arc<HostMemory>,
     bytes: u64,
 }
 
-impl Reserved {
+impl ReservedMemory {
     /// Keeps an asset that is part of what was reserved, if the limit allows it.
     pub(crate) fn keep(&mut self, bytes: u64) -> Option<HeldMemory> {
         if bytes > self.bytes {
@@ -155,7 +155,7 @@ impl Reserved {
     }
 }
 
-impl Drop for Reserved {
+impl Drop for ReservedMemory {
     fn drop(&mut self) {
         self.memory.give_back(self.bytes);
     }

@@ -11,19 +11,19 @@ use std::sync::{Arc, OnceLock};
 use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::xxh3_128;
 
-use super::build::{Built, Cuts, build_mesh_into};
-use super::cover::Covers;
-use super::demand::{Demand, Displacements};
-use super::dicing::Dicing;
-use super::footprint::Footprint;
-use super::host_memory::{HeldMemory, HostMemory, Reserved};
+use super::build::{BuiltAsset, ClusterLimits, build_mesh_into};
+use super::cover::SlotCovers;
+use super::demand::{BuildDemand, SlotDisplacements};
+use super::dicing::DicingRate;
+use super::footprint::BuildFootprint;
+use super::host_memory::{HeldMemory, HostMemory, ReservedMemory};
 use super::payload::{parts, payload_bytes, ptex_words};
-use super::scene_mesh::{SceneMesh, Stored};
-use super::store::{MeshFiles, Payload, PayloadError};
+use super::scene_mesh::{SceneMesh, StoredAsset};
+use super::store::{MeshFiles, PayloadError, PayloadSource};
 use super::summary::MeshSummary;
 use super::{MeshAsset, WantedPrimvar};
 use crate::desc::{DroppedData, MeshDesc};
-use crate::texture::{HeightFiles, Heights};
+use crate::texture::{HeightCache, HeightFiles};
 
 /// Raised whenever a description is built to other bits than before, or they are stored otherwise: entries of other
 /// versions are not found.
@@ -31,12 +31,12 @@ const VERSION: u32 = 6;
 
 /// What a mesh is built from.
 #[derive(Debug)]
-pub(crate) struct Recipe {
+pub(crate) struct MeshRecipe {
     pub(crate) desc: MeshDesc,
     pub(crate) wanted: Vec<WantedPrimvar>,
-    pub(crate) dicing: Dicing,
-    pub(crate) displacements: Displacements,
-    pub(crate) covers: Covers,
+    pub(crate) dicing: DicingRate,
+    pub(crate) displacements: SlotDisplacements,
+    pub(crate) covers: SlotCovers,
     pub(crate) height_files: Option<Arc<dyn HeightFiles>>,
     /// [`super::mesh_key_with`] of all that.
     pub(crate) key: u128,
@@ -46,22 +46,22 @@ pub(crate) struct Recipe {
     pub(crate) cluster_bytes: u64,
 }
 
-impl Recipe {
-    fn demand(&self) -> Demand<'_> {
+impl MeshRecipe {
+    fn demand(&self) -> BuildDemand<'_> {
         let Self { wanted, dicing, displacements, covers, .. } = self;
-        Demand { wanted, dicing: Some(dicing), displacements, covers, heights: None }
+        BuildDemand { wanted, dicing: Some(dicing), displacements, covers, heights: None }
     }
 
     /// The mesh, and its clusters to `put`, of which `at_once` are made side by side.
-    pub(super) fn build(&self, heights: &Heights, at_once: usize, put: &mut dyn FnMut(MeshAsset)) -> Built {
-        let demand = Demand { heights: Some(heights), ..self.demand() };
-        let cuts = Cuts { limit_bytes: self.limit_bytes, cluster_bytes: self.cluster_bytes, at_once };
+    pub(super) fn build(&self, heights: &HeightCache, at_once: usize, put: &mut dyn FnMut(MeshAsset)) -> BuiltAsset {
+        let demand = BuildDemand { heights: Some(heights), ..self.demand() };
+        let cuts = ClusterLimits { limit_bytes: self.limit_bytes, cluster_bytes: self.cluster_bytes, at_once };
         build_mesh_into(&self.desc, &demand, self.key, cuts, put)
     }
 
     /// What building takes.
-    pub(crate) fn footprint(&self) -> Footprint {
-        Footprint::of(&self.desc, &self.demand(), self.limit_bytes, self.cluster_bytes)
+    pub(crate) fn footprint(&self) -> BuildFootprint {
+        BuildFootprint::of(&self.desc, &self.demand(), self.limit_bytes, self.cluster_bytes)
     }
 
     /// What tells its entry in files; none where it depends on more than the description: the textures of displacements
@@ -78,7 +78,7 @@ fn cluster_key(key: u128, number: usize) -> u128 {
 }
 
 /// The files that a mesh is found in again, and what tells its entry there; none where it is not.
-fn lasting<'a>(recipe: &Recipe, shelf: &'a MeshStorage) -> Option<(&'a Arc<dyn MeshFiles>, u128)> {
+fn lasting<'a>(recipe: &MeshRecipe, shelf: &'a MeshStorage) -> Option<(&'a Arc<dyn MeshFiles>, u128)> {
     let files = shelf.files.as_ref().filter(|files| files.lasts())?;
     Some((files, recipe.entry_key()?))
 }
@@ -96,14 +96,14 @@ pub(crate) struct MeshStorage {
 #[derive(Debug)]
 pub(crate) struct BuildGrant {
     /// Host memory; none where there is no budget.
-    pub(crate) reserved: Option<Reserved>,
+    pub(crate) reserved: Option<ReservedMemory>,
     /// Clusters that it may make side by side.
     pub(crate) at_once: usize,
 }
 
 /// The head of an entry.
 #[derive(Debug, Serialize, Deserialize)]
-struct Head {
+struct EntryHead {
     is_split: bool,
     meshes: Vec<MeshSummary>,
     dropped: DroppedData,
@@ -123,7 +123,7 @@ pub(crate) struct KeptMesh {
 
 impl KeptMesh {
     /// The mesh as files have it from before.
-    pub(crate) fn find(recipe: &Arc<Recipe>, shelf: &MeshStorage) -> Option<Self> {
+    pub(crate) fn find(recipe: &Arc<MeshRecipe>, shelf: &MeshStorage) -> Option<Self> {
         let (files, key) = lasting(recipe, shelf)?;
         match Self::found(&**files, recipe, shelf, key) {
             Ok(found) => found,
@@ -135,7 +135,12 @@ impl KeptMesh {
     }
 
     /// Builds a mesh and puts it away.
-    pub(crate) fn make(recipe: &Arc<Recipe>, heights: &Heights, shelf: &MeshStorage, grant: BuildGrant) -> Self {
+    pub(crate) fn make(
+        recipe: &Arc<MeshRecipe>,
+        heights: &HeightCache,
+        shelf: &MeshStorage,
+        grant: BuildGrant,
+    ) -> Self {
         let lasting = lasting(recipe, shelf);
         let key = lasting.map(|(_, key)| key);
         let BuildGrant { mut reserved, at_once } = grant;
@@ -147,13 +152,13 @@ impl KeptMesh {
             let held = shelf.memory.try_hold(cluster.host_bytes());
             clusters.push(putting.put(cluster, number, key, &[], held));
         };
-        let Built { asset, dropped, notes } = recipe.build(heights, at_once, &mut put);
+        let BuiltAsset { asset, dropped, notes } = recipe.build(heights, at_once, &mut put);
         let is_split = asset.is_none();
         let meshes = match &asset {
             Some(asset) => vec![MeshSummary::of(asset)],
             None => clusters.iter().map(|cluster| MeshSummary::clone(cluster)).collect(),
         };
-        let head = || postcard::to_allocvec(&Head { is_split, meshes, dropped, notes: notes.clone() });
+        let head = || postcard::to_allocvec(&EntryHead { is_split, meshes, dropped, notes: notes.clone() });
         let head = key.and_then(|_| head().ok()).unwrap_or_default();
         let asset = asset.map(|asset| {
             let bytes = asset.host_bytes();
@@ -175,13 +180,13 @@ impl KeptMesh {
     /// The mesh that files have of a recipe, if they do. An error where an entry makes no sense.
     fn found(
         files: &dyn MeshFiles,
-        recipe: &Arc<Recipe>,
+        recipe: &Arc<MeshRecipe>,
         shelf: &MeshStorage,
         key: u128,
     ) -> Result<Option<Self>, PayloadError> {
         let Some(entry) = files.find(key) else { return Ok(None) };
-        let head: Head = postcard::from_bytes(&entry.head).ok().ok_or(PayloadError::Damaged)?;
-        let Head { is_split, meshes, dropped, notes } = head;
+        let head: EntryHead = postcard::from_bytes(&entry.head).ok().ok_or(PayloadError::Damaged)?;
+        let EntryHead { is_split, meshes, dropped, notes } = head;
         let mut payloads = entry.payloads;
         if is_split {
             for number in 0..meshes.len() {
@@ -190,14 +195,15 @@ impl KeptMesh {
                 payloads.extend(cluster.payloads);
             }
         }
-        let fits = |(mesh, payload): (&MeshSummary, &Arc<dyn Payload>)| payload_bytes(mesh) == Some(payload.size());
+        let fits =
+            |(mesh, payload): (&MeshSummary, &Arc<dyn PayloadSource>)| payload_bytes(mesh) == Some(payload.size());
         if meshes.len() != payloads.len() || (!is_split && meshes.len() != 1) || !meshes.iter().zip(&payloads).all(fits)
         {
             return Err(PayloadError::Damaged);
         }
-        let mesh = |(number, (summary, payload)): (usize, (MeshSummary, Arc<dyn Payload>))| {
+        let mesh = |(number, (summary, payload)): (usize, (MeshSummary, Arc<dyn PayloadSource>))| {
             let key = if is_split { cluster_key(key, number) } else { key };
-            let stored = Some(Stored::new(payload, number, Some(key), recipe, shelf));
+            let stored = Some(StoredAsset::new(payload, number, Some(key), recipe, shelf));
             Arc::new(SceneMesh { summary, host: OnceLock::new(), stored })
         };
         let mut meshes: Vec<_> = meshes.into_iter().zip(payloads).enumerate().map(mesh).collect();
@@ -208,7 +214,7 @@ impl KeptMesh {
 
 /// Puts assets of a recipe away.
 struct AssetWriter<'a> {
-    recipe: &'a Arc<Recipe>,
+    recipe: &'a Arc<MeshRecipe>,
     shelf: &'a MeshStorage,
 }
 
@@ -229,7 +235,7 @@ impl AssetWriter<'_> {
         let stored = files.and_then(|files| {
             let ptex = ptex_words(&asset);
             let mut payloads = files.add(key, head, &[parts(&asset, &ptex)])?;
-            payloads.pop().map(|payload| Stored::new(payload, number, key, recipe, shelf))
+            payloads.pop().map(|payload| StoredAsset::new(payload, number, key, recipe, shelf))
         });
         let host = OnceLock::new();
         if held.is_some() || stored.is_none() {

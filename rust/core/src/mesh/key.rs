@@ -3,20 +3,20 @@
 
 use xxhash_rust::xxh3::Xxh3;
 
-use super::Demand;
+use super::BuildDemand;
 use crate::array::TypedArray;
-use crate::desc::{MeshDesc, PointsMotion, PointsSample, Primvar, Shape};
+use crate::desc::{MeshDesc, PointsMotion, PointsSample, PrimShape, Primvar};
 
 /// Hashes everything of `desc` that its asset depends on: arrays, orientation, sidedness, subdivision. Not the path,
 /// the transform, the prim id or the visibility.
 #[must_use]
 pub fn mesh_key(desc: &MeshDesc) -> u128 {
-    mesh_key_with(desc, &Demand::default())
+    mesh_key_with(desc, &BuildDemand::default())
 }
 
 /// [`mesh_key`] of a mesh that is built for a demand. Which faces are in which subset counts, their materials only by
 /// how they displace and by what they cut out.
-pub(crate) fn mesh_key_with(desc: &MeshDesc, demand: &Demand<'_>) -> u128 {
+pub(crate) fn mesh_key_with(desc: &MeshDesc, demand: &BuildDemand<'_>) -> u128 {
     let wanted = demand.wanted;
     let mut hasher = Xxh3::new();
     hasher.update(&[u8::from(desc.double_sided), u8::from(desc.left_handed), desc.subdivision as u8]);
@@ -27,7 +27,7 @@ pub(crate) fn mesh_key_with(desc: &MeshDesc, demand: &Demand<'_>) -> u128 {
     for primvar in [&desc.normals, &desc.display_color, &desc.display_opacity] {
         add_primvar(&mut hasher, primvar.as_ref());
     }
-    if let Shape::Curves(curves) = &desc.shape {
+    if let PrimShape::Curves(curves) = &desc.shape {
         hasher.update(&[curves.basis as u8, curves.wrap as u8]);
         add_array(&mut hasher, Some(&curves.counts));
         add_array(&mut hasher, curves.indices.as_ref());
@@ -101,7 +101,7 @@ fn add_array(hasher: &mut Xxh3, array: Option<&TypedArray>) {
 
 /// True when both descriptions give the same asset for a demand, told from array identities alone: cheap, may say no
 /// wrongly.
-pub(crate) fn is_same_mesh(a: &MeshDesc, b: &MeshDesc, demand: &Demand<'_>) -> bool {
+pub(crate) fn is_same_mesh(a: &MeshDesc, b: &MeshDesc, demand: &BuildDemand<'_>) -> bool {
     let array = |a: &TypedArray, b: &TypedArray| a.element() == b.element() && a.identity() == b.identity();
     let optional = |a: &Option<TypedArray>, b: &Option<TypedArray>| match (a, b) {
         (None, None) => true,
@@ -165,7 +165,7 @@ fn same_shape(
     optional: impl Fn(&Option<TypedArray>, &Option<TypedArray>) -> bool,
 ) -> bool {
     match (&a.shape, &b.shape) {
-        (Shape::Curves(a), Shape::Curves(b)) => {
+        (PrimShape::Curves(a), PrimShape::Curves(b)) => {
             (a.basis, a.wrap) == (b.basis, b.wrap) && array(&a.counts, &b.counts) && optional(&a.indices, &b.indices)
         }
         (a, b) => a.number() == b.number(),

@@ -53,12 +53,12 @@ pub const fn likely_level_stack(count: usize) -> u32 {
 #[must_use]
 pub fn build_level(boxes: &[Aabb]) -> LevelTree {
     let mut nodes = vec![LevelNode { child: [ABSENT; WIDTH], ..LevelNode::default() }; level_node_count(boxes.len())];
-    let mut items: Vec<Item> = boxes.iter().zip(0..).map(Item::new).collect();
+    let mut items: Vec<LevelBox> = boxes.iter().zip(0..).map(LevelBox::new).collect();
     let balanced = boxes.len().max(1).ilog2() / 2 + 1;
     let stack = match &items[..] {
         [] => 0,
         _ => {
-            let mut scratch = vec![Item::default(); items.len()];
+            let mut scratch = vec![LevelBox::default(); items.len()];
             emit(&mut items, &mut scratch, &mut nodes, 0, balanced + SPARE_LEVELS)
         }
     };
@@ -67,14 +67,14 @@ pub fn build_level(boxes: &[Aabb]) -> LevelTree {
 
 /// A box on its way to its leaf, 32 bytes.
 #[derive(Clone, Copy, Default)]
-struct Item {
+struct LevelBox {
     min: [f32; 3],
     number: u32,
     max: [f32; 3],
     _pad: u32,
 }
 
-impl Item {
+impl LevelBox {
     fn new((b, number): (&Aabb, u32)) -> Self {
         Self { min: b.min, number, max: b.max, _pad: 0 }
     }
@@ -98,19 +98,19 @@ impl Item {
 
 /// A growing box.
 #[derive(Clone, Copy)]
-struct Bounds {
+struct GrowingBox {
     min: Vec3A,
     max: Vec3A,
 }
 
-impl Bounds {
+impl GrowingBox {
     const EMPTY: Self = Self { min: Vec3A::INFINITY, max: Vec3A::NEG_INFINITY };
 
-    fn of(items: &[Item]) -> Self {
+    fn of(items: &[LevelBox]) -> Self {
         items.iter().fold(Self::EMPTY, |all, item| all.with(item.min(), item.max()))
     }
 
-    fn of_centers(items: &[Item]) -> Self {
+    fn of_centers(items: &[LevelBox]) -> Self {
         items.iter().fold(Self::EMPTY, |all, item| {
             let center = item.center();
             all.with(center, center)
@@ -142,15 +142,21 @@ impl Bounds {
 /// Writes the tree over at least one item: its root is `nodes[0]`, which is node `base` of the whole, and `nodes` are
 /// as many as it takes; `scratch` is as long as `items`. Nodes `sah_levels` further down are split in the middle. Gives
 /// the stack entries of a walk.
-fn emit(items: &mut [Item], mut scratch: &mut [Item], nodes: &mut [LevelNode], base: u32, sah_levels: u32) -> u32 {
+fn emit(
+    items: &mut [LevelBox],
+    mut scratch: &mut [LevelBox],
+    nodes: &mut [LevelNode],
+    base: u32,
+    sah_levels: u32,
+) -> u32 {
     let Some((root, mut rest)) = nodes.split_first_mut() else { return 0 };
-    let mut children = children(items, scratch, sah_levels > 0).map(|part| (Bounds::of(part), part));
+    let mut children = children(items, scratch, sah_levels > 0).map(|part| (GrowingBox::of(part), part));
     // As in meshes, rays that may take any child first take what is large (`super::collapse`).
-    let unit = children.iter().fold(Bounds::EMPTY, |all, (b, _)| all.with(b.min, b.max)).unit();
+    let unit = children.iter().fold(GrowingBox::EMPTY, |all, (b, _)| all.with(b.min, b.max)).unit();
     children.sort_by(|(a, _), (b, _)| b.half_area(unit).total_cmp(&a.half_area(unit)));
     let mut child = [ABSENT; WIDTH];
     let mut bounds = [Aabb::EMPTY; WIDTH];
-    let mut jobs: [Option<Job<'_>>; WIDTH] = [const { None }; WIDTH];
+    let mut jobs: [Option<SubtreeJob<'_>>; WIDTH] = [const { None }; WIDTH];
     let mut next = base + 1;
     let mut there = 0;
     for (at, (around, part)) in children.into_iter().enumerate() {
@@ -169,7 +175,7 @@ fn emit(items: &mut [Item], mut scratch: &mut [Item], nodes: &mut [LevelNode], b
         let (own, others) = rest.split_at_mut(count);
         rest = others;
         child[at] = next;
-        jobs[at] = Some(Job {
+        jobs[at] = Some(SubtreeJob {
             items: part,
             scratch: own_scratch,
             nodes: own,
@@ -183,17 +189,17 @@ fn emit(items: &mut [Item], mut scratch: &mut [Item], nodes: &mut [LevelNode], b
 }
 
 /// A subtree to build.
-struct Job<'a> {
-    items: &'a mut [Item],
-    scratch: &'a mut [Item],
+struct SubtreeJob<'a> {
+    items: &'a mut [LevelBox],
+    scratch: &'a mut [LevelBox],
     nodes: &'a mut [LevelNode],
     base: u32,
     sah_levels: u32,
 }
 
 /// Builds subtrees, large ones side by side; the most stack entries that one of them needs.
-fn run(jobs: &mut [Option<Job<'_>>]) -> u32 {
-    let size = |jobs: &[Option<Job<'_>>]| jobs.iter().flatten().map(|job| job.items.len()).sum::<usize>();
+fn run(jobs: &mut [Option<SubtreeJob<'_>>]) -> u32 {
+    let size = |jobs: &[Option<SubtreeJob<'_>>]| jobs.iter().flatten().map(|job| job.items.len()).sum::<usize>();
     if jobs.len() > 1 && size(jobs) > FORK_ABOVE {
         let (a, b) = jobs.split_at_mut(jobs.len() / 2);
         let (a, b) = rayon::join(|| run(a), || run(b));
@@ -204,8 +210,8 @@ fn run(jobs: &mut [Option<Job<'_>>]) -> u32 {
 }
 
 /// The items of the four children of a node over `items`, of which the last may be empty.
-fn children<'a>(items: &'a mut [Item], scratch: &mut [Item], sah: bool) -> [&'a mut [Item]; WIDTH] {
-    let mut parts: [&mut [Item]; WIDTH] = Default::default();
+fn children<'a>(items: &'a mut [LevelBox], scratch: &mut [LevelBox], sah: bool) -> [&'a mut [LevelBox]; WIDTH] {
+    let mut parts: [&mut [LevelBox]; WIDTH] = Default::default();
     if items.len() <= WIDTH {
         for (part, item) in parts.iter_mut().zip(items.chunks_mut(1)) {
             *part = item;
@@ -226,7 +232,11 @@ fn children<'a>(items: &'a mut [Item], scratch: &mut [Item], sah: bool) -> [&'a 
 }
 
 /// Two children of a node; a single item stays alone.
-fn halves<'a>(items: &'a mut [Item], scratch: &mut [Item], sah: bool) -> (&'a mut [Item], &'a mut [Item]) {
+fn halves<'a>(
+    items: &'a mut [LevelBox],
+    scratch: &mut [LevelBox],
+    sah: bool,
+) -> (&'a mut [LevelBox], &'a mut [LevelBox]) {
     match items.len() {
         0 | 1 => (items, &mut []),
         count => {
@@ -243,13 +253,13 @@ fn halves<'a>(items: &'a mut [Item], scratch: &mut [Item], sah: bool) -> (&'a mu
 /// Sorts items, at least two, to two sides, none of which is empty; of the count on the left one of `residues` is left
 /// when it is divided by 3.
 fn split<'a>(
-    items: &'a mut [Item],
-    scratch: &mut [Item],
+    items: &'a mut [LevelBox],
+    scratch: &mut [LevelBox],
     residues: [usize; 2],
     sah: bool,
-) -> (&'a mut [Item], &'a mut [Item]) {
+) -> (&'a mut [LevelBox], &'a mut [LevelBox]) {
     let count = items.len();
-    let centers = Bounds::of_centers(items);
+    let centers = GrowingBox::of_centers(items);
     let extent = centers.max - centers.min;
     let chosen = match count {
         _ if !sah => None,
@@ -259,9 +269,11 @@ fn split<'a>(
         _ => choose::<16>(items, &centers),
     };
     let by_center = |axis: usize| {
-        move |a: &Item, b: &Item| a.center()[axis].total_cmp(&b.center()[axis]).then_with(|| a.number.cmp(&b.number))
+        move |a: &LevelBox, b: &LevelBox| {
+            a.center()[axis].total_cmp(&b.center()[axis]).then_with(|| a.number.cmp(&b.number))
+        }
     };
-    let Some(Cut { axis, bin, scale }) = chosen else {
+    let Some(BinSplit { axis, bin, scale }) = chosen else {
         let middle = nearest(count / 2, count, residues);
         if extent.max_element() > 0.0 {
             items.select_nth_unstable_by(middle, by_center(longest(extent)));
@@ -296,7 +308,7 @@ fn longest(extent: Vec3A) -> usize {
 
 /// Moves the items that `is_left` to the front, in order; how many they are. Without branches on the items, which no
 /// processor foresees.
-fn partition(items: &mut [Item], scratch: &mut [Item], is_left: impl Fn(&Item) -> bool) -> usize {
+fn partition(items: &mut [LevelBox], scratch: &mut [LevelBox], is_left: impl Fn(&LevelBox) -> bool) -> usize {
     let (mut left, mut right) = (0, 0);
     for at in 0..items.len() {
         let item = items[at];
@@ -312,16 +324,16 @@ fn partition(items: &mut [Item], scratch: &mut [Item], is_left: impl Fn(&Item) -
 
 /// Where bins lie.
 #[derive(Clone, Copy)]
-struct Scale {
+struct BinScale {
     from: Vec3A,
     per_unit: Vec3A,
     last: Vec3A,
 }
 
-impl Scale {
+impl BinScale {
     /// `bins` along each axis of what holds all centers; along an axis without extent, or an infinite one, all is in
     /// the first.
-    fn new(centers: &Bounds, bins: usize) -> Self {
+    fn new(centers: &GrowingBox, bins: usize) -> Self {
         #[expect(clippy::cast_precision_loss, reason = "a small number")]
         let bins = bins as f32;
         let extent = centers.max - centers.min;
@@ -341,18 +353,18 @@ impl Scale {
 }
 
 /// A plane between two bins.
-struct Cut {
+struct BinSplit {
     axis: usize,
     /// The last bin on the left.
     bin: usize,
-    scale: Scale,
+    scale: BinScale,
 }
 
 /// The plane between two of `BINS` bins to an axis that costs least; none where no plane parts the centers. Of many
 /// items some are looked at, which are spread evenly.
-fn choose<const BINS: usize>(items: &[Item], centers: &Bounds) -> Option<Cut> {
-    let scale = Scale::new(centers, BINS);
-    let mut filled = [[Bounds::EMPTY; BINS]; 3];
+fn choose<const BINS: usize>(items: &[LevelBox], centers: &GrowingBox) -> Option<BinSplit> {
+    let scale = BinScale::new(centers, BINS);
+    let mut filled = [[GrowingBox::EMPTY; BINS]; 3];
     let mut counts = [[0_u16; BINS]; 3];
     for item in items.iter().step_by((items.len() / MOST_SAMPLES).max(1)) {
         let (min, max) = (item.min(), item.max());
@@ -363,19 +375,19 @@ fn choose<const BINS: usize>(items: &[Item], centers: &Bounds) -> Option<Cut> {
             counts[axis][bin] += 1;
         }
     }
-    let all = filled[0].iter().fold(Bounds::EMPTY, |all, bin| all.with(bin.min, bin.max));
+    let all = filled[0].iter().fold(GrowingBox::EMPTY, |all, bin| all.with(bin.min, bin.max));
     let unit = all.unit();
-    let mut best: Option<(f32, Cut)> = None;
+    let mut best: Option<(f32, BinSplit)> = None;
     for axis in 0..3 {
         let (filled, counts) = (&filled[axis], &counts[axis]);
         let mut right = [(0.0, 0_u16); BINS];
-        let (mut bounds, mut count) = (Bounds::EMPTY, 0);
+        let (mut bounds, mut count) = (GrowingBox::EMPTY, 0);
         for at in (1..BINS).rev() {
             bounds = bounds.with(filled[at].min, filled[at].max);
             count += counts[at];
             right[at - 1] = (bounds.half_area(unit) * f32::from(count), count);
         }
-        let (mut bounds, mut count) = (Bounds::EMPTY, 0);
+        let (mut bounds, mut count) = (GrowingBox::EMPTY, 0);
         for bin in 0..BINS - 1 {
             bounds = bounds.with(filled[bin].min, filled[bin].max);
             count += counts[bin];
@@ -383,7 +395,7 @@ fn choose<const BINS: usize>(items: &[Item], centers: &Bounds) -> Option<Cut> {
             let cost = bounds.half_area(unit) * f32::from(count) + right;
             let parts = counts[bin] > 0 && others > 0 && cost.is_finite();
             if parts && best.as_ref().is_none_or(|(least, _)| cost < *least) {
-                best = Some((cost, Cut { axis, bin, scale }));
+                best = Some((cost, BinSplit { axis, bin, scale }));
             }
         }
     }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Mesh assets: what a mesh becomes before it goes to the GPU. Immutable, shared by content.
 //!
-//! Stages: [`build`] runs `topology` (check, holes), `refine` (limit surfaces, cut as [`Dicing`] says, moved by
+//! Stages: [`build`] runs `topology` (check, holes), `refine` (limit surfaces, cut as [`DicingRate`] says, moved by
 //! `displace` as far as a `relief` says), `triangulate`,
 //! `primvar` and `normals`, [`bvh`] and [`bvh4`]; `split` cuts large meshes into clusters; `key` is the content hash.
 //! A snapshot has [`SceneMesh`]es: a `summary` of each asset, and the asset where `store` and `payload` have put it.
@@ -55,14 +55,14 @@ pub use build::{BuiltMesh, build_mesh, build_mesh_split, build_mesh_with};
 pub use bundle::POINT_BUNDLE;
 pub use bvh::{Bvh2, BvhError, BvhNode, build_box_bvh};
 pub use bvh4::{Bvh4, level_nodes};
-pub use cover::{Cover, Covers};
+pub use cover::{CutoutCover, SlotCovers};
 pub use deform::MeshKeys;
-pub use demand::{Demand, Displacements};
-pub use dicing::{Dicing, Eye};
-pub(crate) use footprint::Footprint;
+pub use demand::{BuildDemand, SlotDisplacements};
+pub use dicing::{CameraEye, DicingRate};
+pub(crate) use footprint::BuildFootprint;
 pub use host_memory::HostMemory;
 pub(crate) use host_memory::too_large;
-pub(crate) use kept_mesh::{BuildGrant, KeptMesh, MeshStorage, Recipe};
+pub(crate) use kept_mesh::{BuildGrant, KeptMesh, MeshRecipe, MeshStorage};
 pub use key::mesh_key;
 pub(crate) use key::{is_same_mesh, mesh_key_with};
 pub use leaf::LeafKind;
@@ -73,7 +73,7 @@ pub use refine::MAX_REFINED_TRIANGLES;
 pub use scene_mesh::LOST_FOR_GOOD;
 pub use scene_mesh::{SceneMesh, StoredError};
 pub use split::split_mesh;
-pub use store::{MeshFiles, Payload, PayloadError, StoredEntry};
+pub use store::{MeshFiles, PayloadError, PayloadSource, StoredEntry};
 pub use summary::{AttributeSummary, MeshSummary, PrimvarSummary};
 
 /// Device bytes of a triangle.

@@ -3,11 +3,11 @@
 
 use glam::DVec3;
 
-use super::topology::Topology;
+use super::topology::MeshTopology;
 
 /// One unit normal per point: the area-weighted mean of the faces around it (Newell normals), on the outer side of a
 /// `left_handed` mesh. Where that cancels out it is the normal of some face there; points without a face get +z.
-pub(crate) fn smooth_normals(topology: &Topology, left_handed: bool) -> Vec<[f32; 3]> {
+pub(crate) fn smooth_normals(topology: &MeshTopology, left_handed: bool) -> Vec<[f32; 3]> {
     let side = if left_handed { -1.0 } else { 1.0 };
     let mut sums = vec![DVec3::ZERO; topology.points.len()];
     let mut fallback = vec![DVec3::Z; topology.points.len()];

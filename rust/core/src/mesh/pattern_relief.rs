@@ -10,34 +10,34 @@ use std::collections::BTreeMap;
 
 use glam::{DVec2, DVec3};
 use oocpt_materialx::eval::run_numbered;
-use oocpt_materialx::program::{Geometry, Lookup, MAX_LOOKUPS};
-use oocpt_materialx::{Offset, channels};
+use oocpt_materialx::program::{Geometry, MAX_LOOKUPS, ProgramLookup};
+use oocpt_materialx::{DisplacementOffset, channels};
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 
 use super::cut_values::CutValues;
 use super::preview_relief::{lacks_all, no_tile, unread};
-use super::tangents::{Frame, Tangents, at};
+use super::tangents::{TangentField, TangentFrame, at};
 use crate::desc::MeshDesc;
 use crate::material::{PatternDisplacement, TextureRef};
-use crate::texture::{HeightLevel, Heights, member_of, numbered};
+use crate::texture::{HeightCache, HeightLevel, member_of, numbered};
 
 /// Most triangles that are measured, twice.
 const MOST_MEASURED: usize = 1 << 15;
 
 /// Members of sets of files that a face looks at, by lookup.
-pub(super) type Members = [u8; MAX_LOOKUPS];
+pub(super) type UdimMembers = [u8; MAX_LOOKUPS];
 
 /// Positions and normals of a mesh that was cut.
 #[derive(Clone, Copy)]
-pub(super) struct Surface<'a> {
+pub(super) struct DicedSurface<'a> {
     pub(super) positions: &'a [[f32; 3]],
     pub(super) normals: &'a [[f32; 3]],
 }
 
 /// A lookup of the program.
 #[derive(Default)]
-struct Looked {
+struct LookedUpLevels {
     channels: u8,
     /// Of a piece in the texture.
     area: f64,
@@ -48,39 +48,42 @@ struct Looked {
 /// A displacement over a mesh that was cut.
 pub(super) struct PatternRelief<'a> {
     displacement: &'a PatternDisplacement,
-    surface: Surface<'a>,
+    surface: DicedSurface<'a>,
     uv_sets: Vec<Option<CutValues<'a>>>,
     primvars: Vec<Option<CutValues<'a>>>,
-    tangents: Option<Tangents>,
+    tangents: Option<TangentField>,
     has_sets: bool,
     /// Every `stride`th triangle, with its face.
     measured: Vec<(u32, [u32; 3])>,
     stride: usize,
     triangles: usize,
-    lookups: Vec<Looked>,
+    lookups: Vec<LookedUpLevels>,
     /// What could not be read, by texture.
     problems: BTreeMap<u32, String>,
 }
 
 impl<'a> PatternRelief<'a> {
-    pub(super) fn new(displacement: &'a PatternDisplacement, desc: &'a MeshDesc, surface: Surface<'a>) -> Self {
+    pub(super) fn new(displacement: &'a PatternDisplacement, desc: &'a MeshDesc, surface: DicedSurface<'a>) -> Self {
         let PatternDisplacement { offset, is_vector, program, uv_sets, primvars, .. } = displacement;
         let masks = match offset {
-            Offset::Register(register) => channels(program, *register, if *is_vector { 3 } else { 1 }),
-            Offset::Constant(_) => Vec::new(),
+            DisplacementOffset::Register(register) => channels(program, *register, if *is_vector { 3 } else { 1 }),
+            DisplacementOffset::Constant(_) => Vec::new(),
         };
-        let texture = |lookup: &Lookup| displacement.textures.get(lookup.texture as usize);
+        let texture = |lookup: &ProgramLookup| displacement.textures.get(lookup.texture as usize);
         Self {
             displacement,
             surface,
             uv_sets: uv_sets.iter().map(|name| CutValues::of(desc, name)).collect(),
             primvars: primvars.iter().map(|(name, _)| CutValues::of(desc, name)).collect(),
-            tangents: displacement.has_tangents.then(|| Tangents::new(surface.positions.len())),
+            tangents: displacement.has_tangents.then(|| TangentField::new(surface.positions.len())),
             has_sets: program.lookups.iter().filter_map(texture).any(TextureRef::is_udim),
             measured: Vec::new(),
             stride: 1,
             triangles: 0,
-            lookups: masks.into_iter().map(|channels| Looked { channels, ..Looked::default() }).collect(),
+            lookups: masks
+                .into_iter()
+                .map(|channels| LookedUpLevels { channels, ..LookedUpLevels::default() })
+                .collect(),
             problems: BTreeMap::new(),
         }
     }
@@ -153,8 +156,8 @@ impl<'a> PatternRelief<'a> {
     }
 
     /// The members that the middle of a face is in.
-    pub(super) fn members(&self, face: u32, vertices: impl Iterator<Item = u32>) -> Members {
-        let mut members = Members::default();
+    pub(super) fn members(&self, face: u32, vertices: impl Iterator<Item = u32>) -> UdimMembers {
+        let mut members = UdimMembers::default();
         if !self.has_sets {
             return members;
         }
@@ -173,7 +176,7 @@ impl<'a> PatternRelief<'a> {
     }
 
     /// Opens what a face looks at.
-    pub(super) fn open(&mut self, heights: &Heights, members: &Members) {
+    pub(super) fn open(&mut self, heights: &HeightCache, members: &UdimMembers) {
         let known = self.displacement.program.lookups.iter();
         for ((lookup, looked), &member) in known.zip(&mut self.lookups).zip(members) {
             let Some(texture) = self.displacement.textures.get(lookup.texture as usize) else { continue };
@@ -190,22 +193,22 @@ impl<'a> PatternRelief<'a> {
     }
 
     /// How far a vertex of a face is moved along its normal.
-    pub(super) fn height(&self, face: u32, vertex: u32, members: &Members) -> f64 {
+    pub(super) fn height(&self, face: u32, vertex: u32, members: &UdimMembers) -> f64 {
         let [height, ..] = self.value(face, vertex, members);
         f64::from(height)
     }
 
     /// Where a vertex of a face is moved to.
-    pub(super) fn vector(&self, face: u32, vertex: u32, members: &Members) -> DVec3 {
+    pub(super) fn vector(&self, face: u32, vertex: u32, members: &UdimMembers) -> DVec3 {
         let [x, y, z, _] = self.value(face, vertex, members).map(f64::from);
         let [tangent, bitangent, normal] = self.frame(vertex);
         tangent * x + bitangent * y + normal * z
     }
 
-    fn value(&self, face: u32, vertex: u32, members: &Members) -> [f32; 4] {
+    fn value(&self, face: u32, vertex: u32, members: &UdimMembers) -> [f32; 4] {
         let register = match self.displacement.offset {
-            Offset::Constant(value) => return value,
-            Offset::Register(register) => usize::from(register),
+            DisplacementOffset::Constant(value) => return value,
+            DisplacementOffset::Register(register) => usize::from(register),
         };
         let registers = self.run(face, vertex, |number, lookup, place| {
             let member = members.get(number).copied().unwrap_or(0);
@@ -221,7 +224,7 @@ impl<'a> PatternRelief<'a> {
         &self,
         face: u32,
         vertex: u32,
-        lookup: impl FnMut(usize, &Lookup, Option<[f32; 2]>) -> [f32; 4],
+        lookup: impl FnMut(usize, &ProgramLookup, Option<[f32; 2]>) -> [f32; 4],
     ) -> [[f32; 4]; oocpt_materialx::program::REGISTERS] {
         let vector = |v: DVec3| [single(v.x), single(v.y), single(v.z), 0.0];
         let set = |set: usize| {
@@ -253,22 +256,22 @@ impl<'a> PatternRelief<'a> {
         run_numbered(&self.displacement.program, geometry, lookup)
     }
 
-    fn frame(&self, vertex: u32) -> Frame {
+    fn frame(&self, vertex: u32) -> TangentFrame {
         let normal = at(self.surface.normals, vertex).try_normalize().unwrap_or(DVec3::Z);
         let any = || normal.any_orthonormal_pair();
         self.tangents.as_ref().map_or_else(|| [any().0, any().1, normal], |tangents| tangents.frame(vertex, normal))
     }
 
-    fn texture(&self, lookup: &Lookup) -> Option<&TextureRef> {
+    fn texture(&self, lookup: &ProgramLookup) -> Option<&TextureRef> {
         self.displacement.textures.get(lookup.texture as usize)
     }
 
-    fn fallback(&self, lookup: &Lookup) -> [f32; 4] {
+    fn fallback(&self, lookup: &ProgramLookup) -> [f32; 4] {
         scaled(lookup, self.texture(lookup).map_or([0.0; 4], |texture| texture.fallback))
     }
 
     /// Where a lookup looks: the place that the program says, or else its own.
-    fn place(&self, lookup: &Lookup, place: Option<[f32; 2]>, face: u32, vertex: u32) -> [f64; 2] {
+    fn place(&self, lookup: &ProgramLookup, place: Option<[f32; 2]>, face: u32, vertex: u32) -> [f64; 2] {
         if let Some(place) = place {
             return place.map(f64::from);
         }
@@ -291,7 +294,7 @@ impl<'a> PatternRelief<'a> {
     }
 }
 
-fn scaled(lookup: &Lookup, texel: [f32; 4]) -> [f32; 4] {
+fn scaled(lookup: &ProgramLookup, texel: [f32; 4]) -> [f32; 4] {
     [0, 1, 2, 3].map(|k: usize| texel[k] * lookup.scale[k] + lookup.bias[k])
 }
 

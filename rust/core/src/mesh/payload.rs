@@ -5,7 +5,7 @@
 use bytemuck::Zeroable;
 use oocpt_abi::Bvh4Node;
 
-use super::store::{Payload, PayloadError};
+use super::store::{PayloadError, PayloadSource};
 use super::summary::{AttributeSummary, MeshSummary};
 use super::{AnyAttribute, Attribute, Bvh4, MeshAsset, MeshKeys, MeshPrimvar, PtexTriangle, Triangle};
 
@@ -98,7 +98,7 @@ fn primvar(summary: AttributeSummary) -> Result<AnyAttribute, PayloadError> {
 }
 
 /// Reads the asset that `summary` is of.
-pub(super) fn read(summary: &MeshSummary, payload: &dyn Payload) -> Result<MeshAsset, PayloadError> {
+pub(super) fn read(summary: &MeshSummary, payload: &dyn PayloadSource) -> Result<MeshAsset, PayloadError> {
     if payload_bytes(summary) != Some(payload.size()) {
         return Err(PayloadError::Damaged);
     }

@@ -6,8 +6,8 @@ use rustc_hash::FxHashMap;
 
 use super::cut_values::CutValues;
 use crate::desc::MeshDesc;
-use crate::material::{Input, PreviewDisplacement};
-use crate::texture::{HeightLevel, Heights, TextureRef, member_of, numbered};
+use crate::material::{InputValue, PreviewDisplacement};
+use crate::texture::{HeightCache, HeightLevel, TextureRef, member_of, numbered};
 
 /// A displacement over a mesh that was cut.
 pub(super) struct PreviewRelief<'a> {
@@ -30,7 +30,7 @@ impl<'a> PreviewRelief<'a> {
 
     /// Where a vertex looks in the texture.
     fn place(&self, face: u32, vertex: u32) -> [f64; 2] {
-        let Input::Texture { transform, .. } = &self.displacement.amount else { return [0.0; 2] };
+        let InputValue::Texture { transform, .. } = &self.displacement.amount else { return [0.0; 2] };
         let Some(uv) = &self.displacement.uv else {
             return transform.map(|[_, _, offset]| f64::from(offset));
         };
@@ -69,8 +69,9 @@ impl<'a> PreviewRelief<'a> {
     }
 
     /// Opens what a face looks at. All triangles were measured.
-    pub(super) fn open(&mut self, heights: &Heights, member: u8) {
-        let (Input::Texture { channel, .. }, Some(texture)) = (&self.displacement.amount, &self.displacement.texture)
+    pub(super) fn open(&mut self, heights: &HeightCache, member: u8) {
+        let (InputValue::Texture { channel, .. }, Some(texture)) =
+            (&self.displacement.amount, &self.displacement.texture)
         else {
             return;
         };
@@ -90,14 +91,14 @@ impl<'a> PreviewRelief<'a> {
     /// How far a vertex of a face is moved.
     pub(super) fn height(&self, face: u32, vertex: u32, member: u8) -> f64 {
         match &self.displacement.amount {
-            Input::Constant([value, ..]) => f64::from(*value),
+            InputValue::Constant([value, ..]) => f64::from(*value),
             // Patterns are another relief.
-            Input::Register(_) => 0.0,
-            Input::Primvar { fallback: [fallback, ..], .. } => {
+            InputValue::Register(_) => 0.0,
+            InputValue::Primvar { fallback: [fallback, ..], .. } => {
                 let value = self.values.and_then(|values| values.number(face, vertex));
                 value.unwrap_or(f64::from(*fallback))
             }
-            Input::Texture { channel, scale, bias, .. } => {
+            InputValue::Texture { channel, scale, bias, .. } => {
                 let channel = usize::from(channel.unwrap_or(0)).min(3);
                 let value = match self.levels.get(&member) {
                     Some(Some(level)) => {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Authored primvars to attributes, triangle by triangle: length checks, indices, replacement of unusable values. Pure.
 
-use super::ptex::Center;
+use super::ptex::FaceCenter;
 use super::{AnyAttribute, Attribute, MeshPrimvar, WantedPrimvar};
 use crate::array::{ArrayView, ElementType};
 use crate::desc::{DroppedData, Interpolation, MeshDesc, Primvar};
@@ -9,16 +9,16 @@ use oocpt_abi::{AttributeRate, NAME_PTEX};
 
 /// Where a triangle came from.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Source {
+pub(crate) struct TriangleSource {
     /// Authored face.
     pub(crate) face: u32,
-    /// Corners: positions in `face_vertex_indices`, or behind them the points of [`Layout::centers`].
+    /// Corners: positions in `face_vertex_indices`, or behind them the points of [`PrimvarLayout::centers`].
     pub(crate) corners: [u32; 3],
 }
 
 /// What primvars are spread over.
 #[derive(Clone, Copy)]
-pub(crate) struct Layout<'a> {
+pub(crate) struct PrimvarLayout<'a> {
     /// Authored faces.
     pub(crate) face_count: usize,
     /// Authored points.
@@ -28,12 +28,12 @@ pub(crate) struct Layout<'a> {
     /// Point of each authored corner.
     pub(crate) corners: &'a [u32],
     /// Triangles in the order in which attributes list them.
-    pub(crate) sources: &'a [Source],
+    pub(crate) sources: &'a [TriangleSource],
     /// Points that are not authored, with the mean of a face's values: corners and points behind the authored ones.
-    pub(crate) centers: &'a [Center],
+    pub(crate) centers: &'a [FaceCenter],
 }
 
-impl Layout<'_> {
+impl PrimvarLayout<'_> {
     /// The point of a corner.
     pub(crate) fn point(&self, corner: u32) -> u32 {
         match (corner as usize).checked_sub(self.corner_count) {
@@ -49,8 +49,8 @@ impl Layout<'_> {
     }
 }
 
-/// Values by point with those of [`Layout::centers`] behind them.
-pub(crate) fn extend_points<T: Value>(layout: Layout<'_>, mut values: Vec<T>) -> Vec<T> {
+/// Values by point with those of [`PrimvarLayout::centers`] behind them.
+pub(crate) fn extend_points<T: AttributeValue>(layout: PrimvarLayout<'_>, mut values: Vec<T>) -> Vec<T> {
     values.reserve_exact(layout.centers.len());
     for center in layout.centers {
         let corners = layout.corners.get(center.first as usize..(center.first + center.count) as usize);
@@ -63,22 +63,22 @@ pub(crate) fn extend_points<T: Value>(layout: Layout<'_>, mut values: Vec<T>) ->
 
 /// Where a value of an attribute belongs, for replacements.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Slot {
+pub(crate) enum ValueSlot {
     /// The whole mesh.
     Mesh,
-    /// A triangle, in the order of [`Layout::sources`].
+    /// A triangle, in the order of [`PrimvarLayout::sources`].
     Triangle(usize),
     /// A point.
     Point(usize),
 }
 
 /// Elements of a primvar, looked up through its indices.
-struct Elements<'a> {
+struct PrimvarElements<'a> {
     values: ArrayView<'a>,
     indices: Option<ArrayView<'a>>,
 }
 
-impl Elements<'_> {
+impl PrimvarElements<'_> {
     fn len(&self) -> usize {
         self.indices.map_or(self.values.len(), |i| i.len())
     }
@@ -93,14 +93,14 @@ impl Elements<'_> {
 }
 
 /// Attribute values and the arrays they can be read from.
-pub(crate) trait Value: Copy {
+pub(crate) trait AttributeValue: Copy {
     /// True when the elements of a (not empty) array have a fitting type.
     fn has_type(values: &ArrayView<'_>) -> bool;
     /// The mean of some values; 0 of none.
     fn mean(values: impl Iterator<Item = Self>) -> Self;
 }
 
-impl Value for f32 {
+impl AttributeValue for f32 {
     fn has_type(values: &ArrayView<'_>) -> bool {
         values.scalar(0).is_some()
     }
@@ -111,7 +111,7 @@ impl Value for f32 {
     }
 }
 
-impl Value for [f32; 3] {
+impl AttributeValue for [f32; 3] {
     fn has_type(values: &ArrayView<'_>) -> bool {
         values.vec3(0).is_some()
     }
@@ -121,7 +121,7 @@ impl Value for [f32; 3] {
     }
 }
 
-impl Value for [f32; 2] {
+impl AttributeValue for [f32; 2] {
     fn has_type(values: &ArrayView<'_>) -> bool {
         values.vec2(0).is_some()
     }
@@ -131,7 +131,7 @@ impl Value for [f32; 2] {
     }
 }
 
-impl Value for [f32; 4] {
+impl AttributeValue for [f32; 4] {
     fn has_type(values: &ArrayView<'_>) -> bool {
         values.vec4(0).is_some()
     }
@@ -156,7 +156,7 @@ fn mean<const N: usize>(values: impl Iterator<Item = [f32; N]>) -> [f32; N] {
 pub(crate) fn convert_wanted(
     desc: &MeshDesc,
     wanted: &[WantedPrimvar],
-    layout: Layout<'_>,
+    layout: PrimvarLayout<'_>,
     dropped: &mut DroppedData,
 ) -> Vec<MeshPrimvar> {
     let mut out = Vec::new();
@@ -189,7 +189,7 @@ fn usable<const N: usize>(value: [f64; N]) -> Option<[f32; N]> {
 }
 
 /// Subset number of each triangle of `sources`. Empty without subsets.
-pub(crate) fn subset_numbers(desc: &MeshDesc, layout: Layout<'_>, dropped: &mut DroppedData) -> Vec<u16> {
+pub(crate) fn subset_numbers(desc: &MeshDesc, layout: PrimvarLayout<'_>, dropped: &mut DroppedData) -> Vec<u16> {
     let of_face = subsets_of_faces(desc, layout.face_count, dropped);
     if of_face.is_empty() {
         return Vec::new();
@@ -230,14 +230,15 @@ pub(crate) fn subsets_of_faces(desc: &MeshDesc, face_count: usize, dropped: &mut
 /// `read` gives the usable value at a position or `None`; `replacement` gives the value of a slot whose own is
 /// unusable, `None` meaning that the whole attribute must go. `None` is returned (and counted) for primvars that cannot
 /// be used.
-pub(crate) fn convert<T: Value>(
+pub(crate) fn convert<T: AttributeValue>(
     primvar: &Primvar,
-    layout: Layout<'_>,
+    layout: PrimvarLayout<'_>,
     dropped: &mut DroppedData,
     read: impl Fn(&ArrayView<'_>, usize) -> Option<T>,
-    replacement: impl Fn(Slot) -> Option<T>,
+    replacement: impl Fn(ValueSlot) -> Option<T>,
 ) -> Option<Attribute<T>> {
-    let elements = Elements { values: primvar.values.view(), indices: primvar.indices.as_ref().map(|i| i.view()) };
+    let elements =
+        PrimvarElements { values: primvar.values.view(), indices: primvar.indices.as_ref().map(|i| i.view()) };
     let (rate, wanted) = match primvar.interpolation {
         Interpolation::Constant => (AttributeRate::Constant, 1),
         Interpolation::Uniform => (AttributeRate::Uniform, layout.face_count),
@@ -255,7 +256,7 @@ pub(crate) fn convert<T: Value>(
         dropped.long_primvars += 1;
     }
     let mut bad = 0_u64;
-    let mut get = |k: usize, slot: Slot| {
+    let mut get = |k: usize, slot: ValueSlot| {
         elements.position(k).and_then(|p| read(&elements.values, p)).or_else(|| {
             bad += 1;
             replacement(slot)
@@ -263,10 +264,10 @@ pub(crate) fn convert<T: Value>(
     };
     let triangles = || layout.sources.iter().enumerate();
     let values: Option<Vec<T>> = match rate {
-        AttributeRate::Constant => get(0, Slot::Mesh).map(|v| vec![v]),
-        AttributeRate::Uniform => triangles().map(|(t, s)| get(s.face as usize, Slot::Triangle(t))).collect(),
+        AttributeRate::Constant => get(0, ValueSlot::Mesh).map(|v| vec![v]),
+        AttributeRate::Uniform => triangles().map(|(t, s)| get(s.face as usize, ValueSlot::Triangle(t))).collect(),
         AttributeRate::Vertex => {
-            let values: Option<Vec<T>> = (0..wanted).map(|p| get(p, Slot::Point(p))).collect();
+            let values: Option<Vec<T>> = (0..wanted).map(|p| get(p, ValueSlot::Point(p))).collect();
             values.map(|values| extend_points(layout, values))
         }
         AttributeRate::FaceVarying => triangles()
@@ -274,9 +275,9 @@ pub(crate) fn convert<T: Value>(
             .map(|(t, c)| {
                 let parents = layout.parents(c);
                 if parents.len() == 1 {
-                    return get(parents.start as usize, Slot::Triangle(t));
+                    return get(parents.start as usize, ValueSlot::Triangle(t));
                 }
-                let values: Option<Vec<T>> = parents.map(|c| get(c as usize, Slot::Triangle(t))).collect();
+                let values: Option<Vec<T>> = parents.map(|c| get(c as usize, ValueSlot::Triangle(t))).collect();
                 values.map(|values| T::mean(values.into_iter()))
             })
             .collect(),

@@ -13,8 +13,8 @@
 
 use glam::{DVec3, Vec3};
 
-use super::topology::{Face, Topology};
-use super::triangulate::Ears;
+use super::topology::{MeshFace, MeshTopology};
+use super::triangulate::EarTriangles;
 use crate::array::ArrayView;
 
 /// Ptex faces of a mesh; more have no texture.
@@ -82,7 +82,7 @@ impl PtexTriangle {
 
 /// A point that is added in the middle of an n-gon.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Center {
+pub(super) struct FaceCenter {
     /// First corner of its face.
     pub(super) first: u32,
     /// Corners of its face.
@@ -94,7 +94,7 @@ pub(super) struct Center {
 pub(super) struct PtexNumbers {
     first: Vec<u32>,
     /// The points added so far; they come behind the authored points, and as corners behind the authored corners.
-    pub(super) centers: Vec<Center>,
+    pub(super) centers: Vec<FaceCenter>,
 }
 
 impl PtexNumbers {
@@ -114,7 +114,7 @@ impl PtexNumbers {
     }
 
     /// The place of a triangle of a quad or of an n-gon that is no fan of wedges.
-    pub(super) fn ear(&self, face: &Face, ear: [u32; 3]) -> PtexTriangle {
+    pub(super) fn ear(&self, face: &MeshFace, ear: [u32; 3]) -> PtexTriangle {
         let part = match (face.count, ear) {
             (4, [0, 1, 2]) => PtexPart::Quad012,
             (4, [0, 2, 3]) => PtexPart::Quad023,
@@ -127,11 +127,11 @@ impl PtexNumbers {
     }
 
     /// The place of the wedge at corner `at` of an n-gon.
-    pub(super) fn wedge(&self, face: &Face, at: u32) -> PtexTriangle {
+    pub(super) fn wedge(&self, face: &MeshFace, at: u32) -> PtexTriangle {
         self.place(face, at, if at + 1 < face.count { PtexPart::Wedge } else { PtexPart::LastWedge })
     }
 
-    fn place(&self, face: &Face, at: u32, part: PtexPart) -> PtexTriangle {
+    fn place(&self, face: &MeshFace, at: u32, part: PtexPart) -> PtexTriangle {
         let first = self.first.get(face.index as usize).copied().unwrap_or(MAX_PTEX_FACES);
         let sides = if face.count == 4 { Some(0) } else { u16::try_from(face.count).ok() };
         match sides {
@@ -142,7 +142,12 @@ impl PtexNumbers {
 
     /// Adds the mean of the corners of an n-gon; its number as a corner, and where it is. `None` where the triangles
     /// around it would overlap: `ears` are then the triangles.
-    pub(super) fn center(&mut self, topology: &Topology, face: &Face, ears: &Ears) -> Option<(u32, [f32; 3])> {
+    pub(super) fn center(
+        &mut self,
+        topology: &MeshTopology,
+        face: &MeshFace,
+        ears: &EarTriangles,
+    ) -> Option<(u32, [f32; 3])> {
         let corners = topology.face_corners(face);
         if corners.len() == 4 || corners.len() != face.count as usize || ears.len() + 2 != corners.len() {
             return None;
@@ -155,7 +160,7 @@ impl PtexNumbers {
         let is_around = points.iter().zip(next).all(|(&p, &q)| (p - at).cross(q - at).dot(normal) > 0.0);
         let number = topology.corners.len() + self.centers.len();
         let number = u32::try_from(number).ok().filter(|_| is_around)?;
-        self.centers.push(Center { first: face.first, count: face.count });
+        self.centers.push(FaceCenter { first: face.first, count: face.count });
         Some((number, Vec3::to_array(&middle)))
     }
 }

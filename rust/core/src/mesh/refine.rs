@@ -6,20 +6,23 @@
 
 use glam::{DVec3, Vec3};
 use oocpt_abi::NAME_PTEX;
-use oocpt_subdiv::{Channel, Control, Data, Error, Facets, LimitSurface, MAX_RATE, Rules, Scheme};
+use oocpt_subdiv::{
+    ControlMesh, Error, FaceVaryingChannel, LimitFacets, LimitSurface, MAX_RATE, SubdivisionRules, SubdivisionScheme,
+    SurfaceData,
+};
 use rayon::prelude::*;
 
-use super::cage::Cage;
-use super::creases::Sharpness;
-use super::deform::Pose;
-use super::demand::Demand;
-use super::dicing::{Dicing, MOST_PIECES};
-use super::displace::{Cut, Displaced};
+use super::cage::SubdivisionCage;
+use super::creases::CreaseSharpness;
+use super::deform::PointsPose;
+use super::demand::BuildDemand;
+use super::dicing::{DicingRate, MOST_PIECES};
+use super::displace::{DicedMesh, DisplacedVertices};
 use super::leaf::round::is_of_lines;
 use super::refine_values::ControlValues;
-use super::topology::{Face, Topology};
+use super::topology::{MeshFace, MeshTopology};
 use crate::array::TypedArray;
-use crate::desc::{CurveBasis, DroppedData, Interpolation, MeshDesc, Primvar, Shape, Subdivision};
+use crate::desc::{CurveBasis, DroppedData, Interpolation, MeshDesc, PrimShape, Primvar, Subdivision};
 
 /// Triangles of one mesh above which its edges are cut into fewer pieces.
 pub const MAX_REFINED_TRIANGLES: u64 = 1 << 23;
@@ -27,13 +30,13 @@ pub const MAX_REFINED_TRIANGLES: u64 = 1 << 23;
 const MAX_LEVEL: u8 = 8;
 
 /// A mesh on its limit surface.
-pub(crate) struct Refined {
+pub(crate) struct RefinedMesh {
     /// Triangles.
-    pub(crate) topology: Topology,
+    pub(crate) topology: MeshTopology,
     /// The description with values for it. Its own topology is the control mesh's still.
     pub(crate) desc: MeshDesc,
     /// At the keys of what moves.
-    pub(crate) poses: Vec<Pose>,
+    pub(crate) poses: Vec<PointsPose>,
     /// What could not be read.
     pub(crate) notes: Vec<String>,
 }
@@ -43,12 +46,12 @@ pub(crate) struct Refined {
 pub(super) fn is_refined(desc: &MeshDesc, pixels: f64) -> bool {
     match (&desc.shape, desc.subdivision) {
         // Lines are as wide as a pixel.
-        (Shape::Curves(_) | Shape::Points, _) if pixels > 0.0 && is_of_lines(desc) => true,
+        (PrimShape::Curves(_) | PrimShape::Points, _) if pixels > 0.0 && is_of_lines(desc) => true,
         // Cubic curves are cut; what nothing is cut of stays the same at any rate.
-        (Shape::Curves(curves), _) => curves.basis != CurveBasis::Linear && (pixels > 0.0 || desc.refine_level > 0),
+        (PrimShape::Curves(curves), _) => curves.basis != CurveBasis::Linear && (pixels > 0.0 || desc.refine_level > 0),
         // Flat where it is seen as flat: only who asks for more gets it.
-        (Shape::Mesh, Subdivision::Bilinear) => desc.refine_level > 0,
-        (Shape::Mesh, Subdivision::CatmullClark | Subdivision::Loop) => pixels > 0.0 || desc.refine_level > 0,
+        (PrimShape::Mesh, Subdivision::Bilinear) => desc.refine_level > 0,
+        (PrimShape::Mesh, Subdivision::CatmullClark | Subdivision::Loop) => pixels > 0.0 || desc.refine_level > 0,
         _ => false,
     }
 }
@@ -57,11 +60,11 @@ pub(super) fn is_refined(desc: &MeshDesc, pixels: f64) -> bool {
 /// where it stays a polygon mesh, and `dropped` says so if it should not.
 pub(crate) fn refine(
     desc: &MeshDesc,
-    demand: &Demand<'_>,
-    topology: &Topology,
-    poses: &[Pose],
+    demand: &BuildDemand<'_>,
+    topology: &MeshTopology,
+    poses: &[PointsPose],
     dropped: &mut DroppedData,
-) -> Option<Refined> {
+) -> Option<RefinedMesh> {
     if !demand.refines(desc) {
         return None;
     }
@@ -81,20 +84,24 @@ pub(crate) fn refine(
 
 fn try_refine(
     desc: &MeshDesc,
-    demand: &Demand<'_>,
-    topology: &Topology,
-    poses: &[Pose],
+    demand: &BuildDemand<'_>,
+    topology: &MeshTopology,
+    poses: &[PointsPose],
     dropped: &mut DroppedData,
-) -> Result<Refined, Error> {
+) -> Result<RefinedMesh, Error> {
     let is_flat = matches!(desc.subdivision, Subdivision::None | Subdivision::Bilinear);
     let displaces = demand.displaces(desc);
-    let cage = if is_flat && displaces { Cage::flat(topology, dropped)? } else { Cage::new(topology, dropped)? };
+    let cage = if is_flat && displaces {
+        SubdivisionCage::flat(topology, dropped)?
+    } else {
+        SubdivisionCage::new(topology, dropped)?
+    };
     let own_normals = desc.normals.as_ref().filter(|_| is_flat && displaces);
     let reads = |name: &str| demand.reads(name);
     let values = ControlValues::read(desc, own_normals, reads, topology, &cage.corners, dropped);
-    let sharpness = Sharpness::read(&desc.subdivision_tags, topology.points.len(), dropped);
-    let channels: Vec<Channel<'_>> = values.channels();
-    let control = Control {
+    let sharpness = CreaseSharpness::read(&desc.subdivision_tags, topology.points.len(), dropped);
+    let channels: Vec<FaceVaryingChannel<'_>> = values.channels();
+    let control = ControlMesh {
         rules: rules(desc),
         point_count: topology.points.len(),
         face_counts: &cage.counts,
@@ -107,50 +114,51 @@ fn try_refine(
         channels: &channels,
     };
     let surface = LimitSurface::new(&control)?;
-    let none = Dicing::default();
-    let cutting = Cutting::new(desc, demand.dicing.unwrap_or(&none), displaces);
+    let none = DicingRate::default();
+    let cutting = EdgeRates::new(desc, demand.dicing.unwrap_or(&none), displaces);
     let rates = rates(&surface, topology, &cutting, MAX_REFINED_TRIANGLES, dropped)?;
     let (vertex, varying, channels) = (values.vertex(), values.varying(), values.channel_values());
     let tessellate = |points: &[[f32; 3]]| {
         // Points of no face may be anything.
         let positions: Vec<[f32; 3]> = points.iter().map(|p| if p[0].is_nan() { [0.0; 3] } else { *p }).collect();
-        surface.tessellate(&rates, &Data { positions: positions.as_flattened(), vertex, varying, channels: &channels })
+        let data = SurfaceData { positions: positions.as_flattened(), vertex, varying, channels: &channels };
+        surface.tessellate(&rates, &data)
     };
     let mut facets = tessellate(&topology.points)?;
     // The rates are those of the frame's own time, so all poses are cut alike.
-    let moved = poses.iter().map(|pose| tessellate(&pose.points)).collect::<Result<Vec<Facets>, Error>>()?;
+    let moved = poses.iter().map(|pose| tessellate(&pose.points)).collect::<Result<Vec<LimitFacets>, Error>>()?;
     let mut desc = values.replace(desc, &facets);
     let left_handed = desc.left_handed;
-    let displace = |facets: &mut Facets, desc: &MeshDesc, dropped: &mut DroppedData| {
+    let displace = |facets: &mut LimitFacets, desc: &MeshDesc, dropped: &mut DroppedData| {
         let normals = normals(facets, left_handed);
         if !displaces {
             return (normals, Vec::new());
         }
         let (faces, face_count) = (&cage.faces[..], topology.face_count);
-        let cut = Cut { facets, faces, desc, face_count, normals, is_flat };
-        let Displaced { positions, normals, notes } = cut.displace(demand, dropped);
+        let cut = DicedMesh { facets, faces, desc, face_count, normals, is_flat };
+        let DisplacedVertices { positions, normals, notes } = cut.displace(demand, dropped);
         facets.positions = positions.into_flattened();
         (normals, notes)
     };
     let (normals, notes) = displace(&mut facets, &desc, dropped);
-    let at_key = |(pose, mut facets): (&Pose, Facets)| {
+    let at_key = |(pose, mut facets): (&PointsPose, LimitFacets)| {
         let (normals, _) = displace(&mut facets, &desc, &mut DroppedData::default());
         let points = facets.positions.as_chunks::<3>().0.to_vec();
-        Pose { normals: Some(TypedArray::of(normals)), ..Pose::at(pose.time, points) }
+        PointsPose { normals: Some(TypedArray::of(normals)), ..PointsPose::at(pose.time, points) }
     };
     let poses = poses.iter().zip(moved).map(at_key).collect();
     let values = TypedArray::of(normals);
     desc.normals = Some(Primvar { interpolation: Interpolation::Vertex, values, indices: None });
-    Ok(Refined { topology: refined_topology(topology, &cage, &facets), desc, poses, notes })
+    Ok(RefinedMesh { topology: refined_topology(topology, &cage, &facets), desc, poses, notes })
 }
 
-fn rules(desc: &MeshDesc) -> Rules {
+fn rules(desc: &MeshDesc) -> SubdivisionRules {
     let tags = &desc.subdivision_tags;
-    Rules {
+    SubdivisionRules {
         scheme: match desc.subdivision {
-            Subdivision::None | Subdivision::Bilinear => Scheme::Bilinear,
-            Subdivision::CatmullClark => Scheme::CatmullClark,
-            Subdivision::Loop => Scheme::Loop,
+            Subdivision::None | Subdivision::Bilinear => SubdivisionScheme::Bilinear,
+            Subdivision::CatmullClark => SubdivisionScheme::CatmullClark,
+            Subdivision::Loop => SubdivisionScheme::Loop,
         },
         boundary: tags.boundary,
         face_varying: tags.face_varying,
@@ -160,16 +168,16 @@ fn rules(desc: &MeshDesc) -> Rules {
 }
 
 /// Into how many pieces edges are cut.
-pub(super) struct Cutting<'a> {
-    dicing: &'a Dicing,
+pub(super) struct EdgeRates<'a> {
+    dicing: &'a DicingRate,
     least: i32,
     most: i32,
     /// Into the least, whatever the camera sees.
     by_level_alone: bool,
 }
 
-impl<'a> Cutting<'a> {
-    pub(super) fn new(desc: &MeshDesc, dicing: &'a Dicing, displaces: bool) -> Self {
+impl<'a> EdgeRates<'a> {
+    pub(super) fn new(desc: &MeshDesc, dicing: &'a DicingRate, displaces: bool) -> Self {
         Self {
             dicing,
             least: 1 << desc.refine_level.min(MAX_LEVEL),
@@ -190,8 +198,8 @@ impl<'a> Cutting<'a> {
 /// Pieces of each edge, fewer than wanted where the mesh would have more than `most` triangles.
 fn rates(
     surface: &LimitSurface,
-    topology: &Topology,
-    cutting: &Cutting<'_>,
+    topology: &MeshTopology,
+    cutting: &EdgeRates<'_>,
     most: u64,
     dropped: &mut DroppedData,
 ) -> Result<Vec<i32>, Error> {
@@ -210,7 +218,7 @@ fn rates(
 }
 
 /// Unit normals on the outer side; where the surface has none, the mean of the triangles around.
-fn normals(facets: &Facets, left_handed: bool) -> Vec<[f32; 3]> {
+fn normals(facets: &LimitFacets, left_handed: bool) -> Vec<[f32; 3]> {
     let side = if left_handed { -1.0 } else { 1.0 };
     let (positions, _) = facets.positions.as_chunks::<3>();
     let (limit, _) = facets.normals.as_chunks::<3>();
@@ -238,12 +246,12 @@ fn normals(facets: &Facets, left_handed: bool) -> Vec<[f32; 3]> {
 }
 
 /// The triangles with the authored numbers of their faces.
-fn refined_topology(control: &Topology, cage: &Cage, facets: &Facets) -> Topology {
+fn refined_topology(control: &MeshTopology, cage: &SubdivisionCage, facets: &LimitFacets) -> MeshTopology {
     let face = |(at, &face): (usize, &u32)| {
         let index = cage.faces.get(face as usize).copied()?;
-        Some(Face { index, first: u32::try_from(3 * at).ok()?, count: 3, is_hole: false })
+        Some(MeshFace { index, first: u32::try_from(3 * at).ok()?, count: 3, is_hole: false })
     };
-    Topology {
+    MeshTopology {
         faces: facets.faces.iter().enumerate().filter_map(face).collect(),
         corners: facets.triangles.clone(),
         points: facets.positions.as_chunks::<3>().0.to_vec(),
@@ -279,18 +287,18 @@ mod tests {
         let desc = grid(4);
         let mut dropped = DroppedData::default();
         let topology = read_topology(&desc, &mut dropped).unwrap();
-        let cage = Cage::new(&topology, &mut dropped).unwrap();
-        let control = Control {
+        let cage = SubdivisionCage::new(&topology, &mut dropped).unwrap();
+        let control = ControlMesh {
             point_count: topology.points.len(),
             face_counts: &cage.counts,
             face_points: &cage.points,
-            ..Control::default()
+            ..ControlMesh::default()
         };
         let surface = LimitSurface::new(&control).unwrap();
         let mut rates = |most| {
             dropped = DroppedData::default();
-            let dicing = Dicing::default();
-            let cutting = Cutting { dicing: &dicing, least: 32, most: MOST_PIECES, by_level_alone: false };
+            let dicing = DicingRate::default();
+            let cutting = EdgeRates { dicing: &dicing, least: 32, most: MOST_PIECES, by_level_alone: false };
             let rates = rates(&surface, &topology, &cutting, most, &mut dropped).unwrap();
             (rates, dropped.coarse_meshes)
         };

@@ -1,24 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Primvars on a control mesh, and on its limit surface. Pure.
 
-use oocpt_subdiv::{Channel, Facets, Values};
+use oocpt_subdiv::{FaceVaryingChannel, LimitFacets, PackedValues};
 
-use super::topology::Topology;
+use super::topology::MeshTopology;
 use crate::array::{ArrayView, ElementType, TypedArray};
 use crate::desc::{DroppedData, Interpolation, MeshDesc, NamedPrimvar, Primvar};
 
 /// Which array of the surface has a value, and where.
 #[derive(Clone, Copy)]
-enum Rate {
+enum ValueRate {
     Vertex,
     Varying,
     FaceVarying,
 }
 
 /// A primvar that the surface evaluates.
-struct Evaluated {
+struct EvaluatedPrimvar {
     what: RefinedPrimvar,
-    rate: Rate,
+    rate: ValueRate,
     /// Floats before it in a value of that rate.
     offset: usize,
     width: usize,
@@ -42,7 +42,7 @@ struct FaceVarying {
 /// All values of a mesh that its limit surface has to evaluate.
 #[derive(Default)]
 pub(crate) struct ControlValues {
-    evaluated: Vec<Evaluated>,
+    evaluated: Vec<EvaluatedPrimvar>,
     /// By point: all vertex primvars, one behind the other.
     vertex: Vec<f32>,
     vertex_width: usize,
@@ -54,9 +54,9 @@ pub(crate) struct ControlValues {
 }
 
 /// Floats of an element, and how to read them.
-type Reader = fn(&ArrayView<'_>, usize) -> Option<[f64; 4]>;
+type ElementReader = fn(&ArrayView<'_>, usize) -> Option<[f64; 4]>;
 
-fn reader(view: &ArrayView<'_>) -> Option<(usize, Reader)> {
+fn reader(view: &ArrayView<'_>) -> Option<(usize, ElementReader)> {
     if view.vec2(0).is_some() {
         Some((2, |v, i| v.vec2(i).map(|v| [v.x, v.y, 0.0, 0.0])))
     } else if view.vec3(0).is_some() {
@@ -77,7 +77,7 @@ impl ControlValues {
         desc: &MeshDesc,
         normals: Option<&Primvar>,
         reads: impl Fn(&str) -> bool,
-        topology: &Topology,
+        topology: &MeshTopology,
         corners: &[u32],
         dropped: &mut DroppedData,
     ) -> Self {
@@ -95,8 +95,8 @@ impl ControlValues {
         let (mut vertex, mut varying) = (Vec::new(), Vec::new());
         for (what, primvar) in all {
             let list = match primvar.interpolation {
-                Interpolation::Vertex => (&mut vertex, Rate::Vertex, &mut values.vertex_width),
-                Interpolation::Varying => (&mut varying, Rate::Varying, &mut values.varying_width),
+                Interpolation::Vertex => (&mut vertex, ValueRate::Vertex, &mut values.vertex_width),
+                Interpolation::Varying => (&mut varying, ValueRate::Varying, &mut values.varying_width),
                 Interpolation::FaceVarying => {
                     values.add_face_varying(what, primvar, topology.corners.len(), corners, dropped);
                     continue;
@@ -109,7 +109,7 @@ impl ControlValues {
             match by_point(primvar, points, dropped) {
                 Some((width, floats)) => {
                     let (list, rate, total) = list;
-                    values.evaluated.push(Evaluated { what, rate, offset: *total, width });
+                    values.evaluated.push(EvaluatedPrimvar { what, rate, offset: *total, width });
                     *total += width;
                     list.push((width, floats));
                 }
@@ -155,33 +155,33 @@ impl ControlValues {
         dropped.primvar_values += found.iter().filter(|at| at.is_none()).count() as u64;
         let numbers = found.into_iter().map(|at| i32::try_from(at.unwrap_or(none)).unwrap_or(0)).collect();
         let offset = self.face_varying.iter().map(|channel| channel.width).sum();
-        self.evaluated.push(Evaluated { what, rate: Rate::FaceVarying, offset, width });
+        self.evaluated.push(EvaluatedPrimvar { what, rate: ValueRate::FaceVarying, offset, width });
         self.face_varying.push(FaceVarying { width, floats, corners: numbers });
     }
 
     /// The topology of face-varying values.
-    pub(crate) fn channels(&self) -> Vec<Channel<'_>> {
+    pub(crate) fn channels(&self) -> Vec<FaceVaryingChannel<'_>> {
         let channel = |c: &'_ FaceVarying| c.floats.len() / c.width;
-        self.face_varying.iter().map(|c| Channel { corners: &c.corners, count: channel(c) }).collect()
+        self.face_varying.iter().map(|c| FaceVaryingChannel { corners: &c.corners, count: channel(c) }).collect()
     }
 
     /// Face-varying values.
-    pub(crate) fn channel_values(&self) -> Vec<Values<'_>> {
-        self.face_varying.iter().map(|c| Values { width: c.width, floats: &c.floats }).collect()
+    pub(crate) fn channel_values(&self) -> Vec<PackedValues<'_>> {
+        self.face_varying.iter().map(|c| PackedValues { width: c.width, floats: &c.floats }).collect()
     }
 
     /// Smooth values by point.
-    pub(crate) fn vertex(&self) -> Values<'_> {
-        Values { width: self.vertex_width, floats: &self.vertex }
+    pub(crate) fn vertex(&self) -> PackedValues<'_> {
+        PackedValues { width: self.vertex_width, floats: &self.vertex }
     }
 
     /// Linear values by point.
-    pub(crate) fn varying(&self) -> Values<'_> {
-        Values { width: self.varying_width, floats: &self.varying }
+    pub(crate) fn varying(&self) -> PackedValues<'_> {
+        PackedValues { width: self.varying_width, floats: &self.varying }
     }
 
     /// `desc` with the values of the limit surface.
-    pub(crate) fn replace(self, desc: &MeshDesc, facets: &Facets) -> MeshDesc {
+    pub(crate) fn replace(self, desc: &MeshDesc, facets: &LimitFacets) -> MeshDesc {
         let mut out = MeshDesc {
             normals: None,
             display_color: None,
@@ -193,9 +193,9 @@ impl ControlValues {
         let kept = self.kept.into_iter().map(|what| (what, None));
         let evaluated = self.evaluated.into_iter().map(|e| {
             let (floats, stride) = match e.rate {
-                Rate::Vertex => (&facets.vertex, self.vertex_width),
-                Rate::Varying => (&facets.varying, self.varying_width),
-                Rate::FaceVarying => (&facets.face_varying, face_varying_width),
+                ValueRate::Vertex => (&facets.vertex, self.vertex_width),
+                ValueRate::Varying => (&facets.varying, self.varying_width),
+                ValueRate::FaceVarying => (&facets.face_varying, face_varying_width),
             };
             (e.what, Some(column(floats, stride, e.offset, e.width)))
         });

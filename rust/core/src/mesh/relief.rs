@@ -1,26 +1,26 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Where a displacement moves the vertices of a mesh that was cut: first it is shown all triangles
-//! ([`Relief::measure`], [`Relief::settle`]), then what faces look at is opened, then vertices are asked for. Pure but
-//! for the textures that it reads.
+//! ([`MeshRelief::measure`], [`MeshRelief::settle`]), then what faces look at is opened, then vertices are asked for.
+//! Pure but for the textures that it reads.
 
 use glam::DVec3;
 
-use super::pattern_relief::{PatternRelief, Surface};
+use super::pattern_relief::{DicedSurface, PatternRelief};
 use super::preview_relief::PreviewRelief;
 use crate::desc::MeshDesc;
 use crate::material::Displacement;
-use crate::texture::Heights;
+use crate::texture::HeightCache;
 
-pub(super) use super::pattern_relief::Members;
+pub(super) use super::pattern_relief::UdimMembers;
 
 /// A displacement over a mesh that was cut.
-pub(super) enum Relief<'a> {
+pub(super) enum MeshRelief<'a> {
     Preview(PreviewRelief<'a>),
     Pattern(Box<PatternRelief<'a>>),
 }
 
-impl<'a> Relief<'a> {
-    pub(super) fn new(displacement: &'a Displacement, desc: &'a MeshDesc, surface: Surface<'a>) -> Self {
+impl<'a> MeshRelief<'a> {
+    pub(super) fn new(displacement: &'a Displacement, desc: &'a MeshDesc, surface: DicedSurface<'a>) -> Self {
         match displacement {
             Displacement::Preview(preview) => Self::Preview(PreviewRelief::new(preview, desc)),
             Displacement::Pattern(pattern) => Self::Pattern(Box::new(PatternRelief::new(pattern, desc, surface))),
@@ -48,10 +48,10 @@ impl<'a> Relief<'a> {
     }
 
     /// Members of sets of files that a face with these vertices looks at.
-    pub(super) fn members(&self, face: u32, vertices: impl Iterator<Item = u32>) -> Members {
+    pub(super) fn members(&self, face: u32, vertices: impl Iterator<Item = u32>) -> UdimMembers {
         match self {
             Self::Preview(preview) => {
-                let mut members = Members::default();
+                let mut members = UdimMembers::default();
                 members[0] = preview.member(face, vertices);
                 members
             }
@@ -60,7 +60,7 @@ impl<'a> Relief<'a> {
     }
 
     /// Opens them.
-    pub(super) fn open(&mut self, heights: &Heights, members: &Members) {
+    pub(super) fn open(&mut self, heights: &HeightCache, members: &UdimMembers) {
         match self {
             Self::Preview(preview) => preview.open(heights, members[0]),
             Self::Pattern(pattern) => pattern.open(heights, members),
@@ -68,7 +68,7 @@ impl<'a> Relief<'a> {
     }
 
     /// How far a vertex of a face is moved along normals.
-    pub(super) fn height(&self, face: u32, vertex: u32, members: &Members) -> f64 {
+    pub(super) fn height(&self, face: u32, vertex: u32, members: &UdimMembers) -> f64 {
         match self {
             Self::Preview(preview) => preview.height(face, vertex, members[0]),
             Self::Pattern(pattern) if pattern.is_vector() => 0.0,
@@ -77,7 +77,7 @@ impl<'a> Relief<'a> {
     }
 
     /// Where it is moved to besides.
-    pub(super) fn vector(&self, face: u32, vertex: u32, members: &Members) -> DVec3 {
+    pub(super) fn vector(&self, face: u32, vertex: u32, members: &UdimMembers) -> DVec3 {
         match self {
             Self::Pattern(pattern) if pattern.is_vector() => pattern.vector(face, vertex, members),
             _ => DVec3::ZERO,

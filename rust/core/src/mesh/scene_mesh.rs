@@ -8,12 +8,12 @@ use std::time::Duration;
 
 use super::MeshAsset;
 use super::host_memory::HeldMemory;
-use super::kept_mesh::{MeshStorage, Recipe};
+use super::kept_mesh::{MeshRecipe, MeshStorage};
 use super::payload;
-use super::store::{Payload, PayloadError};
+use super::store::{PayloadError, PayloadSource};
 use super::summary::MeshSummary;
 use crate::again::again;
-use crate::texture::Heights;
+use crate::texture::HeightCache;
 
 /// What tests have a payload say that is not to be built again either.
 #[cfg(feature = "faults")]
@@ -32,21 +32,21 @@ pub struct StoredError {
 
 /// An asset in a file.
 #[derive(Debug)]
-pub(super) struct Stored {
-    payload: Arc<dyn Payload>,
+pub(super) struct StoredAsset {
+    payload: Arc<dyn PayloadSource>,
     /// Of the assets of its recipe.
     number: usize,
     key: Option<u128>,
-    recipe: Arc<Recipe>,
+    recipe: Arc<MeshRecipe>,
     shelf: MeshStorage,
 }
 
-impl Stored {
+impl StoredAsset {
     pub(super) fn new(
-        payload: Arc<dyn Payload>,
+        payload: Arc<dyn PayloadSource>,
         number: usize,
         key: Option<u128>,
-        recipe: &Arc<Recipe>,
+        recipe: &Arc<MeshRecipe>,
         shelf: &MeshStorage,
     ) -> Self {
         Self { payload, number, key, recipe: recipe.clone(), shelf: shelf.clone() }
@@ -61,7 +61,7 @@ impl Stored {
         if let Some(files) = &self.shelf.files {
             files.damaged(self.key, cause);
         }
-        let heights = Heights::new(self.recipe.height_files.clone());
+        let heights = HeightCache::new(self.recipe.height_files.clone());
         let (mut number, mut wanted) = (0, None);
         let mut put = |cluster| {
             if number == self.number {
@@ -82,7 +82,7 @@ pub struct SceneMesh {
     /// The asset, where it is in memory.
     pub(super) host: OnceLock<(Arc<MeshAsset>, HeldMemory)>,
     /// Where else it is. One of both is there.
-    pub(super) stored: Option<Stored>,
+    pub(super) stored: Option<StoredAsset>,
 }
 
 impl Deref for SceneMesh {
@@ -104,7 +104,7 @@ impl SceneMesh {
         if let Some((asset, _)) = self.host.get() {
             return Ok(asset.clone());
         }
-        let path = |stored: Option<&Stored>| stored.map_or_else(|| "".into(), |s| s.recipe.desc.prim.path.clone());
+        let path = |stored: Option<&StoredAsset>| stored.map_or_else(|| "".into(), |s| s.recipe.desc.prim.path.clone());
         let error = |cause| StoredError { path: path(self.stored.as_ref()), cause };
         let stored = self.stored.as_ref().ok_or_else(|| error(PayloadError::Damaged))?;
         let read = || payload::read(&self.summary, &*stored.payload);

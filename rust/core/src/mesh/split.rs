@@ -26,7 +26,7 @@ const FILL_16: u64 = 15;
 
 /// The order of triangles in the mesh that is split: the tie break of the cuts, hence part of the clusters' keys.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Order {
+pub(super) enum TriangleOrder {
     /// That of its hierarchy.
     Bvh,
     /// Authored.
@@ -35,7 +35,7 @@ pub(super) enum Order {
 
 /// A triangle while it is sorted into clusters. 16 bytes, so that cuts of large meshes stay in the cache.
 #[derive(Clone, Copy)]
-struct Item {
+struct SplitTriangle {
     /// Twice the centre of its box.
     center: [f32; 3],
     triangle: u32,
@@ -43,13 +43,13 @@ struct Item {
 
 /// What is split.
 #[derive(Clone, Copy)]
-pub(super) struct Source<'a> {
+pub(super) struct SplitSource<'a> {
     pub(super) mesh: &'a MeshAsset,
     /// Boxes of what is there of its triangles, empty where nothing is; none: all of each is.
     pub(super) covered: Option<&'a [Aabb]>,
 }
 
-impl Source<'_> {
+impl SplitSource<'_> {
     fn item_bounds(&self, item: u32) -> Aabb {
         match self.covered {
             Some(covered) => covered.get(item as usize).copied().unwrap_or(Aabb::EMPTY),
@@ -59,8 +59,8 @@ impl Source<'_> {
 }
 
 /// A mesh being split.
-struct Splitter<'a> {
-    source: Source<'a>,
+struct MeshSplitter<'a> {
+    source: SplitSource<'a>,
     mesh: &'a MeshAsset,
     max_bytes: u64,
     /// Of an item at a key, with its radius.
@@ -76,7 +76,7 @@ struct Splitter<'a> {
 #[must_use]
 pub fn split_mesh(mesh: &MeshAsset, max_bytes: u64) -> Vec<MeshAsset> {
     let mut clusters = Vec::new();
-    split_ordered(Source { mesh, covered: None }, max_bytes, Order::Bvh, usize::MAX, &mut |cluster| {
+    split_ordered(SplitSource { mesh, covered: None }, max_bytes, TriangleOrder::Bvh, usize::MAX, &mut |cluster| {
         clusters.push(cluster)
     });
     clusters
@@ -85,22 +85,22 @@ pub fn split_mesh(mesh: &MeshAsset, max_bytes: u64) -> Vec<MeshAsset> {
 /// [`split_mesh`] for a mesh in any order; its own hierarchy is not looked at. Gives each cluster to `put`, in order;
 /// at most `at_once` are made side by side and wait for that, so that who puts them away needs memory for no more.
 pub(super) fn split_ordered(
-    source: Source<'_>,
+    source: SplitSource<'_>,
     max_bytes: u64,
-    order: Order,
+    order: TriangleOrder,
     at_once: usize,
     put: &mut dyn FnMut(MeshAsset),
 ) {
     let mesh = source.mesh;
     let item = |triangle: u32| {
         let b = source.item_bounds(triangle);
-        (!b.is_empty()).then(|| Item { center: [0, 1, 2].map(|k| b.min[k] + b.max[k]), triangle })
+        (!b.is_empty()).then(|| SplitTriangle { center: [0, 1, 2].map(|k| b.min[k] + b.max[k]), triangle })
     };
     let count = u32::try_from(mesh.triangles.len()).unwrap_or(u32::MAX);
-    let mut items: Vec<Item> = (0..count).into_par_iter().filter_map(item).collect();
+    let mut items: Vec<SplitTriangle> = (0..count).into_par_iter().filter_map(item).collect();
     let summary = MeshSummary::of(mesh);
     let item_bytes = summary.item_bytes() + if summary.radii > 1 { 4 } else { 0 };
-    let splitter = Splitter { source, mesh, max_bytes, item_bytes };
+    let splitter = MeshSplitter { source, mesh, max_bytes, item_bytes };
     let filled = (max_bytes / 16).saturating_mul(FILL_16).max(1);
     let parts = if splitter.fits(&items) { 1 } else { expected_bytes(mesh).div_ceil(filled) };
     let mut numbers = 0_u64..;
@@ -133,9 +133,9 @@ fn node_bytes(kind: LeafKind, items: u64) -> u64 {
     nodes.div_ceil(16) * size_of::<Bvh4Node>() as u64
 }
 
-impl Splitter<'_> {
+impl MeshSplitter<'_> {
     /// `items` cut into about `parts` parts, in order.
-    fn parts<'i>(&self, items: &'i mut [Item], parts: u64) -> Vec<&'i mut [Item]> {
+    fn parts<'i>(&self, items: &'i mut [SplitTriangle], parts: u64) -> Vec<&'i mut [SplitTriangle]> {
         let parts = parts.clamp(1, items.len().max(1) as u64);
         if parts == 1 {
             return vec![items];
@@ -148,7 +148,7 @@ impl Splitter<'_> {
     }
 
     /// The clusters of a part: one, unless it is too large.
-    fn clusters(&self, items: &mut [Item]) -> Vec<MeshAsset> {
+    fn clusters(&self, items: &mut [SplitTriangle]) -> Vec<MeshAsset> {
         if let Some(cluster) = self.cluster(items) {
             return vec![cluster];
         }
@@ -159,7 +159,7 @@ impl Splitter<'_> {
     }
 
     /// One cluster of all `items`; `None` when that is too large and there is something to cut.
-    fn cluster(&self, items: &[Item]) -> Option<MeshAsset> {
+    fn cluster(&self, items: &[SplitTriangle]) -> Option<MeshAsset> {
         if !self.fits(items) {
             return None;
         }
@@ -178,7 +178,7 @@ impl Splitter<'_> {
     }
 
     /// True when `items` will fit into a cluster, as far as that can be told without their hierarchy.
-    fn fits(&self, items: &[Item]) -> bool {
+    fn fits(&self, items: &[SplitTriangle]) -> bool {
         let count = items.len() as u64;
         let later = self.mesh.keys.times.len().saturating_sub(1) as u64;
         let moved = (self.item_bytes + if self.mesh.keys.normals.is_empty() { 0 } else { 36 }) * later;
@@ -287,15 +287,17 @@ fn pick<T: Copy>(values: &[T], places: &[u32]) -> Vec<T> {
 }
 
 /// Cuts `items` across their longest axis, `left` of `parts` to the first side.
-fn cut(items: &mut [Item], left: u64, parts: u64) -> (&mut [Item], &mut [Item]) {
+fn cut(items: &mut [SplitTriangle], left: u64, parts: u64) -> (&mut [SplitTriangle], &mut [SplitTriangle]) {
     let middle = usize::try_from(items.len() as u128 * u128::from(left) / u128::from(parts)).unwrap_or(0);
     let axis = longest_axis(items);
-    let order = |a: &Item, b: &Item| a.center[axis].total_cmp(&b.center[axis]).then(a.triangle.cmp(&b.triangle));
+    let order = |a: &SplitTriangle, b: &SplitTriangle| {
+        a.center[axis].total_cmp(&b.center[axis]).then(a.triangle.cmp(&b.triangle))
+    };
     items.select_nth_unstable_by(middle, order);
     items.split_at_mut(middle)
 }
 
-fn longest_axis(items: &[Item]) -> usize {
+fn longest_axis(items: &[SplitTriangle]) -> usize {
     let bounds = items.iter().fold(Aabb::EMPTY, |b, item| b.with_point(item.center));
     super::bvh::longest_axis(&bounds)
 }

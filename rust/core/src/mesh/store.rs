@@ -18,7 +18,7 @@ pub trait MeshFiles: Send + Sync + Debug {
 
     /// Writes an entry: what is read at once, and what is read as it is needed, each payload in parts. Without a key it
     /// is not found again. `None` where it cannot be written; the implementation has said so to the user.
-    fn add(&self, key: Option<u128>, head: &[u8], payloads: &[Vec<&[u8]>]) -> Option<Vec<Arc<dyn Payload>>>;
+    fn add(&self, key: Option<u128>, head: &[u8], payloads: &[Vec<&[u8]>]) -> Option<Vec<Arc<dyn PayloadSource>>>;
 
     /// Takes note of an entry that can no longer be read.
     fn damaged(&self, key: Option<u128>, error: &PayloadError);
@@ -33,11 +33,11 @@ pub struct StoredEntry {
     /// As it was given to [`MeshFiles::add`].
     pub head: Vec<u8>,
     /// One for each payload that was given.
-    pub payloads: Vec<Arc<dyn Payload>>,
+    pub payloads: Vec<Arc<dyn PayloadSource>>,
 }
 
 /// Bytes that are somewhere else.
-pub trait Payload: Send + Sync + Debug {
+pub trait PayloadSource: Send + Sync + Debug {
     /// How many there are.
     fn size(&self) -> u64;
 

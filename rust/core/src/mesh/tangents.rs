@@ -4,24 +4,24 @@
 use glam::{DVec2, DVec3, Vec3};
 
 /// Tangent, bitangent and normal: unit vectors at right angles to each other.
-pub(super) type Frame = [DVec3; 3];
+pub(super) type TangentFrame = [DVec3; 3];
 
 /// Where u and v grow around each vertex.
 #[derive(Clone, Copy, Default)]
-struct Around {
+struct UvGradients {
     u: DVec3,
     v: DVec3,
 }
 
 /// See the module.
 #[derive(Default)]
-pub(super) struct Tangents {
-    around: Vec<Around>,
+pub(super) struct TangentField {
+    around: Vec<UvGradients>,
 }
 
-impl Tangents {
+impl TangentField {
     pub(super) fn new(vertices: usize) -> Self {
-        Self { around: vec![Around::default(); vertices] }
+        Self { around: vec![UvGradients::default(); vertices] }
     }
 
     /// Adds a triangle: its vertices, where they are, their texture coordinates. It counts by its area.
@@ -46,8 +46,8 @@ impl Tangents {
 
     /// The frame of a vertex whose unit normal is known: the tangent is where u grows, less what it has of the normal,
     /// or anywhere at right angles to it where u grows nowhere; the bitangent is on the side where v grows.
-    pub(super) fn frame(&self, vertex: u32, normal: DVec3) -> Frame {
-        let Around { u, v } = self.around.get(vertex as usize).copied().unwrap_or_default();
+    pub(super) fn frame(&self, vertex: u32, normal: DVec3) -> TangentFrame {
+        let UvGradients { u, v } = self.around.get(vertex as usize).copied().unwrap_or_default();
         // What is left of two that are nearly parallel is rounding.
         let lies = u.try_normalize().map(|u| u - normal * normal.dot(u)).filter(|t| t.length_squared() > 1e-12);
         let Some(tangent) = lies.and_then(DVec3::try_normalize) else {
@@ -68,13 +68,13 @@ pub(super) fn at(values: &[[f32; 3]], vertex: u32) -> DVec3 {
 mod tests {
     use super::*;
 
-    fn frame(st: [[f64; 2]; 3], normal: DVec3) -> Frame {
-        let mut tangents = Tangents::new(3);
+    fn frame(st: [[f64; 2]; 3], normal: DVec3) -> TangentFrame {
+        let mut tangents = TangentField::new(3);
         tangents.add(&[0, 1, 2], [DVec3::ZERO, DVec3::X * 3.0, DVec3::Y * 0.5], st.map(DVec2::from));
         tangents.frame(1, normal)
     }
 
-    fn near(found: Frame, known: Frame) {
+    fn near(found: TangentFrame, known: TangentFrame) {
         for (found, known) in found.into_iter().zip(known) {
             assert!((found - known).length() < 1e-12, "{found}, not {known}");
         }

@@ -13,7 +13,7 @@ pub(crate) const MAX_COORDINATE: f64 = 1e18;
 
 /// A usable face.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Face {
+pub(crate) struct MeshFace {
     /// Authored number.
     pub(crate) index: u32,
     /// Its first corner in `face_vertex_indices`.
@@ -26,9 +26,9 @@ pub(crate) struct Face {
 
 /// The usable part of a mesh.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Topology {
+pub(crate) struct MeshTopology {
     /// Usable faces in authored order.
-    pub(crate) faces: Vec<Face>,
+    pub(crate) faces: Vec<MeshFace>,
     /// Point of each authored corner; only corners of usable faces are in range.
     pub(crate) corners: Vec<u32>,
     /// Positions; those of usable faces are finite.
@@ -38,7 +38,7 @@ pub(crate) struct Topology {
 }
 
 /// Reads and checks the topology of `desc`. `None` when nothing is usable; `dropped` says why.
-pub(crate) fn read_topology(desc: &MeshDesc, dropped: &mut DroppedData) -> Option<Topology> {
+pub(crate) fn read_topology(desc: &MeshDesc, dropped: &mut DroppedData) -> Option<MeshTopology> {
     let counts = desc.face_vertex_counts.view();
     let indices = desc.face_vertex_indices.view();
     let points = desc.points.view();
@@ -51,7 +51,7 @@ pub(crate) fn read_topology(desc: &MeshDesc, dropped: &mut DroppedData) -> Optio
         dropped.oversized_meshes += 1;
         return None;
     }
-    let mut topology = Topology {
+    let mut topology = MeshTopology {
         faces: Vec::with_capacity(counts.len().min(indices.len() / 3)),
         corners: (0..indices.len()).map(|i| indices.index(i).map_or(u32::MAX, i32::cast_unsigned)).collect(),
         points: (0..points.len()).map(|i| read_point(points.vec3(i))).collect(),
@@ -88,7 +88,7 @@ fn read_holes(desc: &MeshDesc, face_count: usize, dropped: &mut DroppedData) -> 
     holes
 }
 
-impl Topology {
+impl MeshTopology {
     fn read_faces(&mut self, counts: &ArrayView<'_>, holes: &[usize], dropped: &mut DroppedData) {
         let mut first = 0_usize;
         let mut holes = holes.iter().copied().peekable();
@@ -107,7 +107,7 @@ impl Topology {
             if self.is_usable(first..end, dropped) {
                 // Both limits are below 2^32, see MAX_CORNERS.
                 if let (Ok(index), Ok(first), Ok(count)) = (index.try_into(), first.try_into(), count.try_into()) {
-                    self.faces.push(Face { index, first, count, is_hole });
+                    self.faces.push(MeshFace { index, first, count, is_hole });
                 }
             }
             first = end;
@@ -132,7 +132,7 @@ impl Topology {
     }
 
     /// Point numbers of a face's corners.
-    pub(crate) fn face_corners(&self, face: &Face) -> &[u32] {
+    pub(crate) fn face_corners(&self, face: &MeshFace) -> &[u32] {
         let first = face.first as usize;
         self.corners.get(first..first + face.count as usize).unwrap_or_default()
     }
@@ -143,7 +143,7 @@ impl Topology {
     }
 
     /// Newell's normal of a face: its length is twice the area. Right-handed.
-    pub(crate) fn face_normal(&self, face: &Face) -> glam::DVec3 {
+    pub(crate) fn face_normal(&self, face: &MeshFace) -> glam::DVec3 {
         let corners = self.face_corners(face);
         let Some(&anchor) = corners.first() else {
             return glam::DVec3::ZERO;

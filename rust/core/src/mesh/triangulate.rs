@@ -13,28 +13,28 @@ pub(crate) const MAX_FACE_CORNERS: usize = 1 << 20;
 const MAX_CLIPPED_CORNERS: usize = 256;
 
 /// Triangles as corner numbers inside the face.
-pub(crate) type Ears = Vec<[u32; 3]>;
+pub(crate) type EarTriangles = Vec<[u32; 3]>;
 
 /// Scratch memory kept between faces.
 #[derive(Default)]
-pub(crate) struct Triangulator {
+pub(crate) struct FaceTriangulator {
     earcut: Earcut<f64>,
     flat: Vec<DVec2>,
     flat_indices: Vec<u32>,
-    ring: Vec<Corner>,
+    ring: Vec<EarCorner>,
 }
 
 /// A corner not clipped yet.
 #[derive(Clone, Copy)]
-struct Corner {
+struct EarCorner {
     index: u32,
     /// Quality of the ear at this corner, above 0 if it may be clipped.
     quality: f64,
 }
 
-impl Triangulator {
+impl FaceTriangulator {
     /// Triangulates a face of 3 or more corners at `points` into `out` (cleared first).
-    pub(crate) fn triangulate(&mut self, points: &[DVec3], normal: DVec3, out: &mut Ears) {
+    pub(crate) fn triangulate(&mut self, points: &[DVec3], normal: DVec3, out: &mut EarTriangles) {
         out.clear();
         match points {
             [_, _, _] => out.push([0, 1, 2]),
@@ -43,7 +43,7 @@ impl Triangulator {
         }
     }
 
-    fn polygon(&mut self, points: &[DVec3], normal: DVec3, out: &mut Ears) {
+    fn polygon(&mut self, points: &[DVec3], normal: DVec3, out: &mut EarTriangles) {
         let Some(normal) = normal.try_normalize() else {
             // No plane: a face without area, or one that cancels itself out.
             return fan(points.len(), out);
@@ -62,11 +62,11 @@ impl Triangulator {
     }
 
     /// Quadratic ear clipping; takes the roundest ear each time.
-    fn clip_ears(&mut self, out: &mut Ears) {
+    fn clip_ears(&mut self, out: &mut EarTriangles) {
         let flat = &self.flat;
         let ring = &mut self.ring;
         ring.clear();
-        ring.extend((0..).zip(flat).map(|(index, _)| Corner { index, quality: 0.0 }));
+        ring.extend((0..).zip(flat).map(|(index, _)| EarCorner { index, quality: 0.0 }));
         rate_all(flat, ring);
         while ring.len() > 3 {
             let mut best = best_ear(ring);
@@ -88,7 +88,7 @@ impl Triangulator {
         }
     }
 
-    fn cut_large(&mut self, out: &mut Ears) {
+    fn cut_large(&mut self, out: &mut EarTriangles) {
         let flat = &self.flat;
         self.earcut.earcut::<u32>(flat.iter().map(|p| p.to_array()), &[], &mut self.flat_indices);
         for ear in self.flat_indices.as_chunks::<3>().0 {
@@ -99,17 +99,17 @@ impl Triangulator {
     }
 }
 
-fn rate_all(flat: &[DVec2], ring: &mut [Corner]) {
+fn rate_all(flat: &[DVec2], ring: &mut [EarCorner]) {
     for at in 0..ring.len() {
         ring[at].quality = ear_quality(flat, ring, at);
     }
 }
 
-fn best_ear(ring: &[Corner]) -> usize {
+fn best_ear(ring: &[EarCorner]) -> usize {
     (0..ring.len()).max_by(|&a, &b| ring[a].quality.total_cmp(&ring[b].quality)).unwrap_or(0)
 }
 
-fn fan(corners: usize, out: &mut Ears) {
+fn fan(corners: usize, out: &mut EarTriangles) {
     let last = u32::try_from(corners).unwrap_or(u32::MAX).saturating_sub(1);
     out.extend((1..last).map(|i| [0, i, i + 1]));
 }
@@ -151,7 +151,7 @@ fn is_convex(flat: &[DVec2]) -> bool {
 
 /// How round the triangle at corner `at` of the ring is, in (0, 1]; at most 0 when it is no ear. Blocked convex corners
 /// rank above reflex ones, so that something sensible is clipped from outlines that cross themselves.
-fn ear_quality(flat: &[DVec2], ring: &[Corner], at: usize) -> f64 {
+fn ear_quality(flat: &[DVec2], ring: &[EarCorner], at: usize) -> f64 {
     let n = ring.len();
     let corner = |k: usize| flat[ring[k % n].index as usize];
     let (a, b, c) = (corner(at + n - 1), corner(at), corner(at + 1));

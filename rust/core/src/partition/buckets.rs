@@ -12,14 +12,14 @@
 use std::collections::BinaryHeap;
 use std::ops::Range;
 
-use super::lattice::Lattice;
-use crate::instancing::item::Item;
-use crate::instancing::scan::{Bucketing, UNUSABLE};
+use super::lattice::MortonLattice;
+use crate::instancing::item::PlacementItem;
+use crate::instancing::scan::{ItemBucketing, UNUSABLE};
 use crate::mesh::Aabb;
 
 /// In place of a bucket: the item is in a cell without samples.
 pub(crate) const STRAY: u8 = UNUSABLE - 1;
-/// Most cells. Fits the 16 bits of [`Buckets::first`].
+/// Most cells. Fits the 16 bits of [`OrderBuckets::first`].
 const MAX_CELLS: usize = 4096;
 /// Bits of a code that are looked up in tables.
 const TABLE_BITS: u32 = 16;
@@ -32,8 +32,8 @@ const BUCKETS_AT_ONCE: u64 = 8;
 
 /// The buckets of an assembly's order.
 #[derive(Debug)]
-pub(crate) struct Buckets {
-    lattice: Lattice,
+pub(crate) struct OrderBuckets {
+    lattice: MortonLattice,
     cells: Vec<BucketCell>,
     /// Where most codes are: the smallest one there may be, and the number of bits below those that the tables tell
     /// apart.
@@ -55,14 +55,14 @@ pub(crate) struct BucketCell {
 
 /// A cell in the making; the fullest is the greatest.
 #[derive(Debug, PartialEq, Eq, PartialOrd, Ord)]
-struct Open {
+struct OpenCell {
     samples: usize,
     start: u64,
     bits: u32,
     first: usize,
 }
 
-impl Buckets {
+impl OrderBuckets {
     /// How far apart the samples of `records` placements are.
     pub(crate) fn stride(records: u64) -> usize {
         usize::try_from(records / SAMPLES).unwrap_or(usize::MAX).max(1)
@@ -70,14 +70,14 @@ impl Buckets {
 
     /// Buckets of an assembly of `records` placements, of which about `at_once` may become items at a time. The lattice
     /// is that of the samples: that of all members most likely.
-    pub(crate) fn of_samples(samples: &[(Aabb, Item)], records: u64, at_once: u64) -> Self {
+    pub(crate) fn of_samples(samples: &[(Aabb, PlacementItem)], records: u64, at_once: u64) -> Self {
         let bounds = samples.iter().fold(Aabb::EMPTY, |all, (bounds, _)| all.union(bounds));
-        Self::on(Lattice::around(&bounds), samples, records, at_once)
+        Self::on(MortonLattice::around(&bounds), samples, records, at_once)
     }
 
     /// The same on a given lattice.
-    pub(crate) fn on(lattice: Lattice, samples: &[(Aabb, Item)], records: u64, at_once: u64) -> Self {
-        let code = |(_, mut item): (Aabb, Item)| {
+    pub(crate) fn on(lattice: MortonLattice, samples: &[(Aabb, PlacementItem)], records: u64, at_once: u64) -> Self {
+        let code = |(_, mut item): (Aabb, PlacementItem)| {
             lattice.place(&mut item, 0);
             item.code()
         };
@@ -88,9 +88,9 @@ impl Buckets {
     }
 
     /// Buckets of at most `full` of the sorted codes where that is possible.
-    fn of_codes(lattice: Lattice, codes: &[u64], full: usize) -> Self {
-        let mut open = BinaryHeap::from([Open { samples: codes.len(), start: 0, bits: 0, first: 0 }]);
-        let mut done: Vec<Open> = Vec::new();
+    fn of_codes(lattice: MortonLattice, codes: &[u64], full: usize) -> Self {
+        let mut open = BinaryHeap::from([OpenCell { samples: codes.len(), start: 0, bits: 0, first: 0 }]);
+        let mut done: Vec<OpenCell> = Vec::new();
         let mut buckets = usize::from(!codes.is_empty());
         while let Some(cell) = open.pop() {
             let range = codes.get(cell.first..cell.first + cell.samples).unwrap_or_default();
@@ -107,13 +107,13 @@ impl Buckets {
             let below = range.partition_point(|&code| code < middle);
             buckets += usize::from(below > 0 && below < range.len());
             let (bits, first) = (cell.bits + 1, cell.first);
-            open.push(Open { samples: below, start: cell.start, bits, first });
-            open.push(Open { samples: range.len() - below, start: middle, bits, first: first + below });
+            open.push(OpenCell { samples: below, start: cell.start, bits, first });
+            open.push(OpenCell { samples: range.len() - below, start: middle, bits, first: first + below });
         }
         done.extend(open);
         done.sort_unstable_by_key(|cell| cell.start);
         let mut next = 0;
-        let mut number = |cell: Open| {
+        let mut number = |cell: OpenCell| {
             let bucket = if cell.samples == 0 { STRAY } else { next };
             next += u8::from(cell.samples > 0);
             BucketCell { start: cell.start, bucket }
@@ -140,7 +140,7 @@ impl Buckets {
     }
 
     /// Where the codes come from.
-    pub(crate) fn lattice(&self) -> Lattice {
+    pub(crate) fn lattice(&self) -> MortonLattice {
         self.lattice
     }
 
@@ -192,9 +192,9 @@ impl Buckets {
     }
 }
 
-impl Bucketing for Buckets {
+impl ItemBucketing for OrderBuckets {
     #[inline]
-    fn bucket(&self, mut item: Item) -> u8 {
+    fn bucket(&self, mut item: PlacementItem) -> u8 {
         self.lattice.place(&mut item, 0);
         self.of_code(item.code())
     }
@@ -228,7 +228,7 @@ mod tests {
     #[test]
     fn cells_cover_all_codes_and_balance_samples() {
         let codes = codes(4000);
-        let buckets = Buckets::of_codes(Lattice::around(&Aabb::EMPTY), &codes, 50);
+        let buckets = OrderBuckets::of_codes(MortonLattice::around(&Aabb::EMPTY), &codes, 50);
         let cells = buckets.cells();
         assert_eq!(cells[0].start, 0, "the first one");
         assert!(cells.is_sorted_by(|a, b| a.start < b.start), "in order");
@@ -249,7 +249,7 @@ mod tests {
     fn bucket_tables_resolve_dense_cells_beside_outliers() {
         let mut codes: Vec<u64> = (0..4000).map(|n| 0x0123_4567 << 32 | mixed(n) >> 34).chain([5, 1 << 62]).collect();
         codes.sort_unstable();
-        let buckets = Buckets::of_codes(Lattice::around(&Aabb::EMPTY), &codes, 50);
+        let buckets = OrderBuckets::of_codes(MortonLattice::around(&Aabb::EMPTY), &codes, 50);
         let (start, lower_bits) = buckets.dense;
         let entry =
             |code: u64| buckets.table.get(usize::try_from(code.wrapping_sub(start) >> lower_bits).ok()?).copied();
@@ -280,7 +280,7 @@ mod tests {
         let codes = codes(40_000);
         // Samples know nothing of the sparse cluster.
         let samples: Vec<u64> = codes.iter().copied().filter(|code| code >> 32 != 0x1234_5678).step_by(10).collect();
-        let buckets = Buckets::of_codes(Lattice::around(&Aabb::EMPTY), &samples, 20);
+        let buckets = OrderBuckets::of_codes(MortonLattice::around(&Aabb::EMPTY), &samples, 20);
         let starts =
             |at: usize| buckets.cells().get(at).map_or(codes.len(), |cell| codes.partition_point(|c| *c < cell.start));
         let counts: Vec<u64> = (0..buckets.cells().len()).map(|at| (starts(at + 1) - starts(at)) as u64).collect();

@@ -10,12 +10,12 @@ use std::sync::Arc;
 
 use rustc_hash::FxHashMap;
 
-use super::blocks::{Block, Peaks};
-use super::chunk::{AssemblyMembers, Chunk, Readers, SCATTERED};
+use super::blocks::{RecordBlock, RecordPeaks};
+use super::chunk::{AssemblyMembers, Chunk, MemberReaders, SCATTERED};
 use super::cost::CutRule;
-use super::lattice::Lattice;
-use crate::instancing::assembly::Target;
-use crate::instancing::item::Item;
+use super::lattice::MortonLattice;
+use crate::instancing::assembly::InstanceTarget;
+use crate::instancing::item::PlacementItem;
 
 /// A cell is cut where one of its halves is smaller than its box by more than this: in a chunk's frame of single
 /// precision the half would have 6 bits fewer than in its own.
@@ -25,24 +25,24 @@ const PARALLEL: u64 = 1 << 15;
 
 /// A stretch of an assembly's order. Stretches of one list follow each other.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum Piece<'a> {
+pub(crate) enum OrderPiece<'a> {
     /// A chunk from before, whole and unchanged.
     Kept(&'a Arc<Chunk>),
     /// Sorted items, at least one.
-    Loose(&'a [Item]),
+    Loose(&'a [PlacementItem]),
 }
 
 /// What cutting needs to know of the assembly.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Cutter<'a> {
+pub(crate) struct ChunkCutter<'a> {
     pub(crate) rule: &'a CutRule<'a>,
     pub(crate) roster: AssemblyMembers<'a>,
-    pub(crate) lattice: &'a Lattice,
+    pub(crate) lattice: &'a MortonLattice,
     /// Number of the member of each lasting id.
     pub(crate) member_of: &'a FxHashMap<u32, u32>,
 }
 
-impl Piece<'_> {
+impl OrderPiece<'_> {
     fn len(&self) -> u64 {
         match self {
             Self::Kept(chunk) => chunk.len() as u64,
@@ -53,15 +53,15 @@ impl Piece<'_> {
     fn codes(&self) -> [u64; 2] {
         match self {
             Self::Kept(chunk) => chunk.codes,
-            Self::Loose(items) => [items.first(), items.last()].map(|item| item.map_or(0, Item::code)),
+            Self::Loose(items) => [items.first(), items.last()].map(|item| item.map_or(0, PlacementItem::code)),
         }
     }
 }
 
-impl Cutter<'_> {
+impl ChunkCutter<'_> {
     /// Chunks of all pieces, in order. Those made here have key 0.
-    pub(crate) fn cut(&self, pieces: &[Piece<'_>]) -> Vec<Arc<Chunk>> {
-        let records: u64 = pieces.iter().map(Piece::len).sum();
+    pub(crate) fn cut(&self, pieces: &[OrderPiece<'_>]) -> Vec<Arc<Chunk>> {
+        let records: u64 = pieces.iter().map(OrderPiece::len).sum();
         if records == 0 {
             return Vec::new();
         }
@@ -69,19 +69,19 @@ impl Cutter<'_> {
         if is_small && !self.is_scattered(pieces) {
             return vec![self.leaf(pieces)];
         }
-        let ends = [pieces.first(), pieces.last()].map(|piece| piece.map_or([0; 2], Piece::codes));
+        let ends = [pieces.first(), pieces.last()].map(|piece| piece.map_or([0; 2], OrderPiece::codes));
         let differing = ends[0][0] ^ ends[1][1];
         if differing == 0 {
             let melted;
             let items = match pieces {
-                [Piece::Loose(items)] => *items,
+                [OrderPiece::Loose(items)] => *items,
                 _ => {
                     melted = self.items(pieces);
                     &melted
                 }
             };
             let (left, right) = items.split_at(items.len() / 2);
-            return self.both(&[Piece::Loose(left)], &[Piece::Loose(right)], records);
+            return self.both(&[OrderPiece::Loose(left)], &[OrderPiece::Loose(right)], records);
         }
         let bit = 1_u64 << differing.ilog2();
         let at = pieces.partition_point(|piece| piece.codes()[1] & bit == 0);
@@ -90,27 +90,27 @@ impl Cutter<'_> {
         let melted;
         if let Some(piece) = astride {
             let items = match piece {
-                Piece::Loose(items) => items,
-                Piece::Kept(_) => {
+                OrderPiece::Loose(items) => items,
+                OrderPiece::Kept(_) => {
                     melted = self.items(&[piece]);
                     &melted
                 }
             };
             let (before, after) = items.split_at(items.partition_point(|item| item.code() & bit == 0));
-            left.push(Piece::Loose(before));
-            right[0] = Piece::Loose(after);
+            left.push(OrderPiece::Loose(before));
+            right[0] = OrderPiece::Loose(after);
         }
         self.both(&left, &right, records)
     }
 
     /// Whether [`is_scattered`] says so of the cell. A chunk from before that is the cell was found not to be.
-    fn is_scattered(&self, pieces: &[Piece<'_>]) -> bool {
-        let records: u64 = pieces.iter().map(Piece::len).sum();
-        let is_known = matches!(pieces, [Piece::Kept(_)]) || self.roster.keeps_frame;
+    fn is_scattered(&self, pieces: &[OrderPiece<'_>]) -> bool {
+        let records: u64 = pieces.iter().map(OrderPiece::len).sum();
+        let is_known = matches!(pieces, [OrderPiece::Kept(_)]) || self.roster.keeps_frame;
         !is_known && records <= SCATTERED as u64 && is_scattered(&self.items(pieces), self.lattice)
     }
 
-    fn both(&self, left: &[Piece<'_>], right: &[Piece<'_>], records: u64) -> Vec<Arc<Chunk>> {
+    fn both(&self, left: &[OrderPiece<'_>], right: &[OrderPiece<'_>], records: u64) -> Vec<Arc<Chunk>> {
         let (mut left, right) = if records > PARALLEL {
             rayon::join(|| self.cut(left), || self.cut(right))
         } else {
@@ -121,26 +121,26 @@ impl Cutter<'_> {
     }
 
     /// What the pieces place, and how often.
-    fn targets(&self, pieces: &[Piece<'_>]) -> Vec<(Target, u64)> {
+    fn targets(&self, pieces: &[OrderPiece<'_>]) -> Vec<(InstanceTarget, u64)> {
         let mut placed: FxHashMap<u32, u64> = FxHashMap::default();
         for piece in pieces {
             match piece {
-                Piece::Kept(chunk) => {
+                OrderPiece::Kept(chunk) => {
                     for (id, &n) in chunk.ids.iter().zip(&chunk.counts) {
                         let member = self.member_of.get(id).copied().unwrap_or(u32::MAX);
                         *placed.entry(member).or_default() += u64::from(n);
                     }
                 }
-                Piece::Loose(items) => {
+                OrderPiece::Loose(items) => {
                     for stretch in items.chunk_by(|a, b| a.member() == b.member()) {
-                        let member = stretch.first().map_or(u32::MAX, Item::member);
+                        let member = stretch.first().map_or(u32::MAX, PlacementItem::member);
                         *placed.entry(member).or_default() += stretch.len() as u64;
                     }
                 }
             }
         }
         let target = |member: u32| self.roster.members.get(member as usize).map(|m| m.target);
-        let mut targets: Vec<(Target, u64)> =
+        let mut targets: Vec<(InstanceTarget, u64)> =
             placed.into_iter().filter_map(|(member, n)| Some((target(member)?, n))).collect();
         targets.sort_unstable();
         targets.dedup_by(|next, first| {
@@ -151,35 +151,35 @@ impl Cutter<'_> {
         targets
     }
 
-    fn leaf(&self, pieces: &[Piece<'_>]) -> Arc<Chunk> {
-        if let [Piece::Kept(chunk)] = pieces {
+    fn leaf(&self, pieces: &[OrderPiece<'_>]) -> Arc<Chunk> {
+        if let [OrderPiece::Kept(chunk)] = pieces {
             return Arc::clone(chunk);
         }
-        let melted: Vec<Vec<Item>> = pieces
+        let melted: Vec<Vec<PlacementItem>> = pieces
             .iter()
             .map(|piece| match piece {
-                Piece::Kept(_) => self.items(&[*piece]),
-                Piece::Loose(_) => Vec::new(),
+                OrderPiece::Kept(_) => self.items(&[*piece]),
+                OrderPiece::Loose(_) => Vec::new(),
             })
             .collect();
-        let items: Vec<&[Item]> = pieces
+        let items: Vec<&[PlacementItem]> = pieces
             .iter()
             .zip(&melted)
             .map(|(piece, melted)| match piece {
-                Piece::Kept(_) => &melted[..],
-                Piece::Loose(items) => items,
+                OrderPiece::Kept(_) => &melted[..],
+                OrderPiece::Loose(items) => items,
             })
             .collect();
         Arc::new(Chunk::new(&items, self.roster, self.lattice))
     }
 
     /// The items of all pieces.
-    fn items(&self, pieces: &[Piece<'_>]) -> Vec<Item> {
+    fn items(&self, pieces: &[OrderPiece<'_>]) -> Vec<PlacementItem> {
         let mut out = Vec::new();
         for piece in pieces {
             match piece {
-                Piece::Kept(chunk) => out.extend(self.melt(chunk)),
-                Piece::Loose(items) => out.extend_from_slice(items),
+                OrderPiece::Kept(chunk) => out.extend(self.melt(chunk)),
+                OrderPiece::Loose(items) => out.extend_from_slice(items),
             }
         }
         out
@@ -187,14 +187,14 @@ impl Cutter<'_> {
 
     /// The items of a chunk from before, measured again from its own arrays. Records of members that are gone are left
     /// out.
-    pub(crate) fn melt(&self, chunk: &Chunk) -> Vec<Item> {
+    pub(crate) fn melt(&self, chunk: &Chunk) -> Vec<PlacementItem> {
         let members = chunk.members();
         let numbers: Vec<Option<u32>> = chunk.ids.iter().map(|id| self.member_of.get(id).copied()).collect();
         if numbers.iter().all(Option::is_none) {
             return Vec::new();
         }
         let mut out = Vec::with_capacity(chunk.len());
-        let mut readers = Readers::new(&members, None);
+        let mut readers = MemberReaders::new(&members, None);
         chunk.each(0..chunk.len(), &mut readers, |at, _, rank, reader| {
             let number = chunk.place(at).and_then(|(which, _)| *numbers.get(which as usize)?);
             if let Some((number, mut item)) = number.and_then(|n| Some((n, reader.item(rank)?))) {
@@ -209,7 +209,7 @@ impl Cutter<'_> {
 /// Whether sorted items, where they would be cut, fall into parts of which one is far smaller than all of them
 /// together: in one chunk, with a frame of single precision about the middle of all, that part would lose what tells
 /// its points apart. Never of items of equal codes, nor of more than [`SCATTERED`].
-pub(crate) fn is_scattered(items: &[Item], lattice: &Lattice) -> bool {
+pub(crate) fn is_scattered(items: &[PlacementItem], lattice: &MortonLattice) -> bool {
     let (Some(first), Some(last)) = (items.first(), items.last()) else { return false };
     let differing = first.code() ^ last.code();
     if differing == 0 || items.len() > SCATTERED {
@@ -217,8 +217,10 @@ pub(crate) fn is_scattered(items: &[Item], lattice: &Lattice) -> bool {
     }
     let bit = 1_u64 << differing.ilog2();
     let (left, right) = items.split_at(items.partition_point(|item| item.code() & bit == 0));
-    let side = |items: &[Item]| {
-        let peaks = Block::of(items.iter(), lattice).iter().fold(Peaks::NONE, |peaks, block| peaks.max(block.peaks()));
+    let side = |items: &[PlacementItem]| {
+        let peaks = RecordBlock::of(items.iter(), lattice)
+            .iter()
+            .fold(RecordPeaks::NONE, |peaks, block| peaks.max(block.peaks()));
         let ([min, max], _) = lattice.box_of(peaks);
         (max - min).max_element()
     };

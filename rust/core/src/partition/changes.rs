@@ -6,12 +6,12 @@ use std::sync::Arc;
 use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::chunk::Chunk;
-use crate::instancing::assembly::Member;
+use crate::instancing::assembly::AssemblyMember;
 use crate::instancing::diff::ChangedNumbers;
 
 /// What became of the members since the last time.
 #[derive(Debug, Default)]
-pub(super) struct Changes {
+pub(super) struct MemberChanges {
     /// Lasting id of each present member, in the order of the assembly; unused for those without records in chunks.
     pub(super) ids: Vec<u32>,
     /// Number of the member of each lasting id that is still there.
@@ -29,7 +29,7 @@ pub(super) struct Changes {
     pub(super) next_id: u32,
 }
 
-impl Changes {
+impl MemberChanges {
     /// True when some record of a chunk has another value of a primvar.
     pub(super) fn revalues(&self, chunk: &Chunk) -> bool {
         if self.revalued.is_empty() {
@@ -52,7 +52,7 @@ impl Changes {
     }
 
     /// Placements that are not as they were.
-    pub(super) fn fresh(&self, members: &[Member]) -> u64 {
+    pub(super) fn fresh(&self, members: &[AssemblyMember]) -> u64 {
         let added = self.added.iter().filter_map(|&number| members.get(number as usize));
         let edited = self.edited.iter().map(|(.., ranks)| ranks.len() as u64);
         added.map(|member| member.run.len() as u64).chain(edited).sum()

@@ -9,15 +9,15 @@ use std::sync::{Arc, PoisonError, RwLock};
 
 use glam::DVec3;
 
-use super::blocks::{Block, Peaks};
-use super::lattice::Lattice;
+use super::blocks::{RecordBlock, RecordPeaks};
+use super::lattice::MortonLattice;
 use super::which::IndexSet;
-use crate::instancing::assembly::{InstanceRecord, Member, Target, Visit};
+use crate::instancing::assembly::{AssemblyMember, InstanceRecord, InstanceTarget, RecordVisitor};
 use crate::instancing::instance_primvars::{ColumnReader, InstanceColumn, MemberPrimvar, write_value};
-use crate::instancing::item::Item;
+use crate::instancing::item::PlacementItem;
 use crate::instancing::motion::MotionKey;
 use crate::instancing::placement::{MATRIX_ERROR, round_down, round_up};
-use crate::instancing::reader::Reader;
+use crate::instancing::reader::RunReader;
 use crate::mesh::Aabb;
 
 /// Cells with more members are not looked at for what is small in a large box: patches may keep them as they are.
@@ -39,7 +39,7 @@ pub struct Chunk {
     pub(crate) key: u64,
     origin: DVec3,
     bounds: Aabb,
-    targets: Vec<Target>,
+    targets: Vec<InstanceTarget>,
     columns: Vec<InstanceColumn>,
     /// Some record has keys.
     moves: bool,
@@ -49,18 +49,18 @@ pub struct Chunk {
     pub(crate) ids: Vec<u32>,
     pub(crate) counts: Vec<u32>,
     /// Where the records come from, in the order of `ids`. Replaced when arrays are, if that changes no record here.
-    members: RwLock<Arc<[Member]>>,
+    members: RwLock<Arc<[AssemblyMember]>>,
     /// Rank of each record.
     pub(crate) ranks: Vec<u32>,
     /// Which of `ids` each record is of; empty when there is one only.
     pub(crate) which: IndexSet,
     /// Boxes of stretches of records.
-    pub(crate) blocks: Vec<Block>,
+    pub(crate) blocks: Vec<RecordBlock>,
 }
 
 /// What a chunk is made of.
 #[derive(Debug)]
-pub(crate) struct Content {
+pub(crate) struct ChunkContent {
     /// As [`Chunk::codes`].
     pub(crate) codes: [u64; 2],
     /// Numbers of the members that have records here, in order.
@@ -72,14 +72,14 @@ pub(crate) struct Content {
     /// As [`Chunk::which`].
     pub(crate) which: IndexSet,
     /// All of the records.
-    pub(crate) blocks: Vec<Block>,
+    pub(crate) blocks: Vec<RecordBlock>,
 }
 
 /// The members of an assembly while it is partitioned.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct AssemblyMembers<'a> {
     /// In the order of the assembly.
-    pub(crate) members: &'a [Member],
+    pub(crate) members: &'a [AssemblyMember],
     /// The lasting id of each.
     pub(crate) ids: &'a [u32],
     /// True when all chunks keep the assembly's frame.
@@ -88,7 +88,7 @@ pub(crate) struct AssemblyMembers<'a> {
 
 impl Chunk {
     /// Makes a chunk of sorted items; its key is set later.
-    pub(crate) fn new(items: &[&[Item]], roster: AssemblyMembers<'_>, lattice: &Lattice) -> Self {
+    pub(crate) fn new(items: &[&[PlacementItem]], roster: AssemblyMembers<'_>, lattice: &MortonLattice) -> Self {
         let all = || items.iter().copied().flatten();
         let mut present: Vec<u32> = Vec::new();
         for item in all() {
@@ -112,29 +112,30 @@ impl Chunk {
             }
         }
         let mut ranks = Vec::with_capacity(len);
-        ranks.extend(all().map(Item::rank));
+        ranks.extend(all().map(PlacementItem::rank));
         let ends = [items.first().and_then(|s| s.first()), items.last().and_then(|s| s.last())];
-        let content = Content {
-            codes: ends.map(|item| item.map_or(0, Item::code)),
+        let content = ChunkContent {
+            codes: ends.map(|item| item.map_or(0, PlacementItem::code)),
             present,
             counts,
             ranks,
             which,
-            blocks: Block::of(all(), lattice),
+            blocks: RecordBlock::of(all(), lattice),
         };
         Self::of(content, roster, lattice)
     }
 
     /// Makes a chunk; its key is set later.
-    pub(crate) fn of(content: Content, roster: AssemblyMembers<'_>, lattice: &Lattice) -> Self {
-        let Content { codes, present, counts, ranks, which, blocks } = content;
-        let members: Arc<[Member]> = present.iter().filter_map(|&m| roster.members.get(m as usize).cloned()).collect();
+    pub(crate) fn of(content: ChunkContent, roster: AssemblyMembers<'_>, lattice: &MortonLattice) -> Self {
+        let ChunkContent { codes, present, counts, ranks, which, blocks } = content;
+        let members: Arc<[AssemblyMember]> =
+            present.iter().filter_map(|&m| roster.members.get(m as usize).cloned()).collect();
         let measured = if roster.keeps_frame { None } else { measured_box(&members, &ranks, &which) };
         let around = measured.unwrap_or_else(|| {
-            lattice.box_of(blocks.iter().fold(Peaks::NONE, |peaks, block| peaks.max(block.peaks())))
+            lattice.box_of(blocks.iter().fold(RecordPeaks::NONE, |peaks, block| peaks.max(block.peaks())))
         });
         let (origin, bounds) = frame(around, roster.keeps_frame);
-        let mut targets: Vec<Target> = members.iter().map(|m| m.target).collect();
+        let mut targets: Vec<InstanceTarget> = members.iter().map(|m| m.target).collect();
         targets.sort_unstable();
         targets.dedup();
         let ids = present.iter().filter_map(|&m| roster.ids.get(m as usize).copied()).collect();
@@ -177,7 +178,7 @@ impl Chunk {
 
     /// What the records place; sorted, each once.
     #[must_use]
-    pub fn targets(&self) -> &[Target] {
+    pub fn targets(&self) -> &[InstanceTarget] {
         &self.targets
     }
 
@@ -192,7 +193,7 @@ impl Chunk {
     /// Bytes of host memory held, without the arrays that records are computed from.
     #[must_use]
     pub fn host_bytes(&self) -> u64 {
-        let members = self.ids.len() * (2 * size_of::<u32>() + size_of::<Member>());
+        let members = self.ids.len() * (2 * size_of::<u32>() + size_of::<AssemblyMember>());
         let records = self.ranks.len() * size_of::<u32>() + self.which.host_bytes();
         let records = records + size_of_val(&self.blocks[..]);
         (size_of::<Self>() + members + records + size_of_val(&self.targets[..])) as u64
@@ -204,7 +205,7 @@ impl Chunk {
     pub fn encode(&self, range: Range<usize>, out: &mut [InstanceRecord]) {
         let members = self.members();
         let range = range.start..range.end.min(self.len()).min(range.start.saturating_add(out.len()));
-        let mut readers = Readers::new(&members, Some(self.origin));
+        let mut readers = MemberReaders::new(&members, Some(self.origin));
         self.each(range.clone(), &mut readers, |at, member, rank, reader| {
             if let (Some(placed), Some(slot)) = (reader.place(rank), out.get_mut(at - range.start)) {
                 *slot = member.record(rank, &placed);
@@ -230,7 +231,7 @@ impl Chunk {
             return;
         }
         let members = self.members();
-        let mut readers = Readers::new(&members, Some(self.origin));
+        let mut readers = MemberReaders::new(&members, Some(self.origin));
         for (which, rank) in (range.start..range.end.min(self.len())).filter_map(|at| self.place(at)) {
             if let Some(keys) = readers.get(which).and_then(|(_, reader)| reader.keys(rank)) {
                 visit(keys.as_slice());
@@ -263,13 +264,18 @@ impl Chunk {
 
     /// Gives `visit` the records whose target and prim id are `wanted`, with member, rank and, where they move, keys,
     /// at most `most`, as [`Chunk::encode`] and [`Chunk::encode_keys`] compute them; tells whether these were all.
-    pub(crate) fn encode_where(&self, wanted: &dyn Fn(Target, i32) -> bool, most: usize, visit: Visit<'_>) -> bool {
+    pub(crate) fn encode_where(
+        &self,
+        wanted: &dyn Fn(InstanceTarget, i32) -> bool,
+        most: usize,
+        visit: RecordVisitor<'_>,
+    ) -> bool {
         let members = self.members();
         let is_wanted: Vec<bool> = members.iter().map(|member| wanted(member.target, member.prim_id)).collect();
         if !is_wanted.contains(&true) {
             return true;
         }
-        let mut readers = Readers::new(&members, Some(self.origin));
+        let mut readers = MemberReaders::new(&members, Some(self.origin));
         let mut count = 0;
         for (which, rank) in (0..self.len()).filter_map(|at| self.place(at)) {
             if !is_wanted.get(which as usize).copied().unwrap_or(false) {
@@ -293,8 +299,8 @@ impl Chunk {
     pub(crate) fn each<'a>(
         &self,
         range: Range<usize>,
-        readers: &mut Readers<'a>,
-        mut visit: impl FnMut(usize, &'a Member, u32, &Reader<'a>),
+        readers: &mut MemberReaders<'a>,
+        mut visit: impl FnMut(usize, &'a AssemblyMember, u32, &RunReader<'a>),
     ) {
         let end = range.end.min(self.len());
         for start in range.start.min(end)..end {
@@ -330,34 +336,34 @@ impl Chunk {
     }
 
     /// Replaces where the records come from by what gives the same records.
-    pub(crate) fn set_members(&self, members: Arc<[Member]>) {
+    pub(crate) fn set_members(&self, members: Arc<[AssemblyMember]>) {
         *self.members.write().unwrap_or_else(PoisonError::into_inner) = members;
     }
 
     /// Where the records come from, in the order of [`Chunk::ids`].
-    pub(crate) fn members(&self) -> Arc<[Member]> {
+    pub(crate) fn members(&self) -> Arc<[AssemblyMember]> {
         self.members.read().unwrap_or_else(PoisonError::into_inner).clone()
     }
 }
 
 /// Readers of a chunk's members, made when first needed.
-pub(crate) struct Readers<'a> {
-    members: &'a [Member],
+pub(crate) struct MemberReaders<'a> {
+    members: &'a [AssemblyMember],
     origin: Option<DVec3>,
-    known: Vec<Option<Reader<'a>>>,
+    known: Vec<Option<RunReader<'a>>>,
     /// Where there are too many to keep: the one used last.
-    last: Option<(u32, Reader<'a>)>,
+    last: Option<(u32, RunReader<'a>)>,
 }
 
-impl<'a> Readers<'a> {
+impl<'a> MemberReaders<'a> {
     /// Readers of placements as seen from `origin`, or from the assembly's.
-    pub(crate) fn new(members: &'a [Member], origin: Option<DVec3>) -> Self {
+    pub(crate) fn new(members: &'a [AssemblyMember], origin: Option<DVec3>) -> Self {
         let known = if members.len() <= KEPT_READERS { vec![None; members.len()] } else { Vec::new() };
         Self { members, origin, known, last: None }
     }
 
     /// What the partition needs to know of a record, not on a lattice yet.
-    pub(crate) fn item(&mut self, which: u32, rank: u32) -> Option<Item> {
+    pub(crate) fn item(&mut self, which: u32, rank: u32) -> Option<PlacementItem> {
         self.get(which)?.1.item(rank)
     }
 
@@ -366,7 +372,7 @@ impl<'a> Readers<'a> {
     }
 
     #[inline]
-    fn get(&mut self, which: u32) -> Option<(&'a Member, &Reader<'a>)> {
+    fn get(&mut self, which: u32) -> Option<(&'a AssemblyMember, &RunReader<'a>)> {
         let member = self.members.get(which as usize)?;
         let make = || member.run.reader(self.origin);
         if let Some(slot) = self.known.get_mut(which as usize) {
@@ -386,13 +392,13 @@ fn local(present: &[u32], member: u32) -> u32 {
 }
 
 /// Box of a few records in the assembly's frame, and the largest
-/// [`Footprint::spread`](crate::instancing::placement::Footprint), measured exactly: what is much smaller than a step
-/// of the lattice gets a frame about its own middle. `None` for many.
-fn measured_box(members: &[Member], ranks: &[u32], which: &IndexSet) -> Option<([DVec3; 2], f64)> {
+/// [`InstanceFootprint::spread`](crate::instancing::placement::InstanceFootprint), measured exactly: what is much
+/// smaller than a step of the lattice gets a frame about its own middle. `None` for many.
+fn measured_box(members: &[AssemblyMember], ranks: &[u32], which: &IndexSet) -> Option<([DVec3; 2], f64)> {
     if ranks.len() > SCATTERED {
         return None;
     }
-    let mut readers = Readers::new(members, None);
+    let mut readers = MemberReaders::new(members, None);
     let (mut around, mut spread) = ([DVec3::INFINITY, DVec3::NEG_INFINITY], 0.0_f64);
     for (at, &rank) in ranks.iter().enumerate() {
         let (_, reader) = readers.get(which.get(at).unwrap_or(0))?;

@@ -3,7 +3,7 @@
 
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use crate::instancing::assembly::{Assembly, Target};
+use crate::instancing::assembly::{Assembly, InstanceTarget};
 use crate::mesh::SceneMesh;
 use std::sync::Arc;
 
@@ -27,7 +27,7 @@ struct AssemblyCost {
     /// With everything that is placed inside.
     closure: u64,
     /// Sorted, each once.
-    targets: Vec<Target>,
+    targets: Vec<InstanceTarget>,
 }
 
 impl AssetCosts {
@@ -39,7 +39,7 @@ impl AssetCosts {
         };
         for assembly in assemblies {
             let placed = assembly.members().iter().filter(|m| m.run.len() > 0);
-            let mut targets: Vec<Target> = placed.map(|m| m.target).collect();
+            let mut targets: Vec<InstanceTarget> = placed.map(|m| m.target).collect();
             targets.sort_unstable();
             targets.dedup();
             let own = assembly.device_bytes();
@@ -50,10 +50,10 @@ impl AssetCosts {
     }
 
     /// Bytes of a target itself.
-    pub(crate) fn own(&self, target: Target) -> u64 {
+    pub(crate) fn own(&self, target: InstanceTarget) -> u64 {
         match target {
-            Target::Mesh(m) => self.meshes.get(m as usize).copied().unwrap_or(0),
-            Target::Assembly(a) => self.assemblies.get(a as usize).map_or(0, |a| a.own),
+            InstanceTarget::Mesh(m) => self.meshes.get(m as usize).copied().unwrap_or(0),
+            InstanceTarget::Assembly(a) => self.assemblies.get(a as usize).map_or(0, |a| a.own),
         }
     }
 
@@ -63,27 +63,27 @@ impl AssetCosts {
     }
 
     /// Bytes of distinct targets with everything in them, each asset once.
-    pub(crate) fn closure(&self, targets: &[Target]) -> u64 {
+    pub(crate) fn closure(&self, targets: &[InstanceTarget]) -> u64 {
         self.closure_above(targets, 0)
     }
 
     /// As [`AssetCosts::closure`], but any number not above `limit` stands for all of those.
-    fn closure_above(&self, targets: &[Target], limit: u64) -> u64 {
+    fn closure_above(&self, targets: &[InstanceTarget], limit: u64) -> u64 {
         // An upper bound first: each target alone.
-        let alone = |target: &Target| match target {
-            Target::Mesh(_) => self.own(*target),
-            Target::Assembly(a) => self.of_assembly(*a as usize),
+        let alone = |target: &InstanceTarget| match target {
+            InstanceTarget::Mesh(_) => self.own(*target),
+            InstanceTarget::Assembly(a) => self.of_assembly(*a as usize),
         };
         let sum = targets.iter().map(alone).fold(0, u64::saturating_add);
-        if sum <= limit || targets.iter().all(|t| matches!(t, Target::Mesh(_))) || targets.len() == 1 {
+        if sum <= limit || targets.iter().all(|t| matches!(t, InstanceTarget::Mesh(_))) || targets.len() == 1 {
             return sum;
         }
-        let mut seen: FxHashSet<Target> = targets.iter().copied().collect();
-        let mut open: Vec<Target> = targets.to_vec();
+        let mut seen: FxHashSet<InstanceTarget> = targets.iter().copied().collect();
+        let mut open: Vec<InstanceTarget> = targets.to_vec();
         let mut bytes = 0_u64;
         while let Some(target) = open.pop() {
             bytes = bytes.saturating_add(self.own(target));
-            if let Target::Assembly(a) = target {
+            if let InstanceTarget::Assembly(a) = target {
                 let below = self.assemblies.get(a as usize).map_or(&[][..], |a| &a.targets);
                 open.extend(below.iter().filter(|t| seen.insert(**t)));
             }
@@ -100,7 +100,7 @@ pub(crate) struct CutRule<'a> {
     /// Device bytes of a record with its values.
     pub(crate) record_bytes: u64,
     /// Placements of each target in all chunks of the assembly.
-    pub(crate) totals: FxHashMap<Target, u64>,
+    pub(crate) totals: FxHashMap<InstanceTarget, u64>,
 }
 
 impl CutRule<'_> {
@@ -115,7 +115,7 @@ impl CutRule<'_> {
     }
 
     /// True when a cell of `records` that places `targets` (each once, with the number of placements) must be cut.
-    pub(crate) fn must_cut(&self, records: u64, targets: &[(Target, u64)]) -> bool {
+    pub(crate) fn must_cut(&self, records: u64, targets: &[(InstanceTarget, u64)]) -> bool {
         if records <= 1 {
             return false;
         }
@@ -127,7 +127,7 @@ impl CutRule<'_> {
         }
         let factor = if records > FEW_RECORDS { CLOSURE } else { MAX_CLOSURE };
         let limit = self.chunk_bytes.saturating_mul(factor);
-        let targets: Vec<Target> = targets.iter().map(|(target, _)| *target).collect();
+        let targets: Vec<InstanceTarget> = targets.iter().map(|(target, _)| *target).collect();
         own.saturating_add(self.costs.closure_above(&targets, limit.saturating_sub(own))) > limit
     }
 }

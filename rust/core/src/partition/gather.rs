@@ -4,7 +4,7 @@
 
 use rayon::prelude::*;
 
-use crate::instancing::item::Item;
+use crate::instancing::item::PlacementItem;
 
 /// Buckets at most.
 const BUCKETS: usize = 256;
@@ -16,50 +16,51 @@ const TASK: usize = 1 << 16;
 const FEW: usize = 1 << 15;
 
 /// Items of a part, and where each goes.
-struct Task<'a> {
-    items: &'a [Item],
+struct BucketTask<'a> {
+    items: &'a [PlacementItem],
     buckets: Vec<u8>,
     counts: [u32; BUCKETS],
 }
 
 /// The items of all parts, sorted. `most_bytes`: where both they and their copy would take more, parts are appended.
-pub(super) fn sorted(mut parts: Vec<Vec<Item>>, most_bytes: u64) -> Vec<Item> {
+pub(super) fn sorted(mut parts: Vec<Vec<PlacementItem>>, most_bytes: u64) -> Vec<PlacementItem> {
     let total: usize = parts.iter().map(Vec::len).sum();
-    if total < FEW || (2 * total * size_of::<Item>()) as u64 > most_bytes {
+    if total < FEW || (2 * total * size_of::<PlacementItem>()) as u64 > most_bytes {
         let mut rest = parts.iter_mut();
         let mut items = rest.next().map(std::mem::take).unwrap_or_default();
         items.reserve_exact(total - items.len());
         rest.for_each(|part| items.append(&mut std::mem::take(part)));
-        items.par_sort_unstable_by_key(Item::key);
+        items.par_sort_unstable_by_key(PlacementItem::key);
         return items;
     }
     let splitters = splitters(&parts, total);
-    let tasks: Vec<Task<'_>> = parts
+    let tasks: Vec<BucketTask<'_>> = parts
         .par_iter()
         .flat_map(|part| part.par_chunks(TASK))
         .map(|items| {
             let mut counts = [0_u32; BUCKETS];
-            let bucket = |item: &Item| {
+            let bucket = |item: &PlacementItem| {
                 let bucket = splitters.partition_point(|first| *first <= item.code()) & (BUCKETS - 1);
                 counts[bucket] += 1;
                 u8::try_from(bucket).unwrap_or(u8::MAX)
             };
             let buckets = items.iter().map(bucket).collect();
-            Task { items, buckets, counts }
+            BucketTask { items, buckets, counts }
         })
         .collect();
-    let mut sorted: Vec<Item> = bytemuck::zeroed_vec(total);
+    let mut sorted: Vec<PlacementItem> = bytemuck::zeroed_vec(total);
     scatter(&tasks, &mut sorted);
     let lens = (0..BUCKETS).map(|bucket| tasks.iter().map(|task| task.counts[bucket] as usize).sum());
-    let mut regions: Vec<&mut [Item]> = slices(&mut sorted, lens);
-    regions.par_iter_mut().with_max_len(1).for_each(|region| region.par_sort_unstable_by_key(Item::key));
+    let mut regions: Vec<&mut [PlacementItem]> = slices(&mut sorted, lens);
+    regions.par_iter_mut().with_max_len(1).for_each(|region| region.par_sort_unstable_by_key(PlacementItem::key));
     sorted
 }
 
 /// The first code of each bucket but the first one, in order; fewer than [`BUCKETS`].
-fn splitters(parts: &[Vec<Item>], total: usize) -> Vec<u64> {
+fn splitters(parts: &[Vec<PlacementItem>], total: usize) -> Vec<u64> {
     let stride = total.div_ceil(BUCKETS * SAMPLES).max(1);
-    let mut codes: Vec<u64> = parts.iter().flat_map(|part| part.iter().step_by(stride)).map(Item::code).collect();
+    let mut codes: Vec<u64> =
+        parts.iter().flat_map(|part| part.iter().step_by(stride)).map(PlacementItem::code).collect();
     codes.sort_unstable();
     let mut firsts: Vec<u64> = codes.iter().copied().step_by(codes.len().div_ceil(BUCKETS).max(1)).skip(1).collect();
     firsts.dedup();
@@ -68,9 +69,9 @@ fn splitters(parts: &[Vec<Item>], total: usize) -> Vec<u64> {
 }
 
 /// Puts the items of all tasks into place, bucket by bucket.
-fn scatter(tasks: &[Task<'_>], out: &mut [Item]) {
+fn scatter(tasks: &[BucketTask<'_>], out: &mut [PlacementItem]) {
     let lens = (0..BUCKETS).flat_map(|bucket| tasks.iter().map(move |task| task.counts[bucket] as usize));
-    let mut slots: Vec<Vec<std::slice::IterMut<'_, Item>>> =
+    let mut slots: Vec<Vec<std::slice::IterMut<'_, PlacementItem>>> =
         tasks.iter().map(|_| Vec::with_capacity(BUCKETS)).collect();
     for (at, slot) in slices(out, lens).into_iter().enumerate() {
         slots[at % tasks.len()].push(slot.iter_mut());
@@ -85,7 +86,7 @@ fn scatter(tasks: &[Task<'_>], out: &mut [Item]) {
 }
 
 /// Neighbouring slices of these lengths.
-fn slices(mut items: &mut [Item], lens: impl Iterator<Item = usize>) -> Vec<&mut [Item]> {
+fn slices(mut items: &mut [PlacementItem], lens: impl Iterator<Item = usize>) -> Vec<&mut [PlacementItem]> {
     lens.map(|len| {
         let all = std::mem::take(&mut items);
         let (slice, rest) = all.split_at_mut(len.min(all.len()));
@@ -98,15 +99,15 @@ fn slices(mut items: &mut [Item], lens: impl Iterator<Item = usize>) -> Vec<&mut
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::instancing::placement::Footprint;
+    use crate::instancing::placement::InstanceFootprint;
     use glam::DVec3;
 
     /// Parts of items whose codes are `code(k)`.
-    fn parts(lens: &[u32], code: impl Fn(u64) -> u64) -> Vec<Vec<Item>> {
-        let footprint = Footprint { center: DVec3::ZERO, half: DVec3::ONE, spread: 1.0, lever: 0.0 };
+    fn parts(lens: &[u32], code: impl Fn(u64) -> u64) -> Vec<Vec<PlacementItem>> {
+        let footprint = InstanceFootprint { center: DVec3::ZERO, half: DVec3::ONE, spread: 1.0, lever: 0.0 };
         let mut seen = 0;
         let item = |member: u32, rank: u32, seen: &mut u64| {
-            let mut item = Item::new(&footprint, rank);
+            let mut item = PlacementItem::new(&footprint, rank);
             *seen += 1;
             item.set_place(code(*seen), member);
             item
@@ -126,7 +127,7 @@ mod tests {
         ];
         for (name, code) in codes {
             let mut expected = parts(&lens, code).concat();
-            expected.sort_unstable_by_key(Item::key);
+            expected.sort_unstable_by_key(PlacementItem::key);
             assert!(sorted(parts(&lens, code), u64::MAX) == expected, "{name}, in buckets");
             assert!(sorted(parts(&lens, code), 0) == expected, "{name}, at once");
         }

@@ -8,8 +8,8 @@
 
 use glam::DVec3;
 
-use super::blocks::Peaks;
-use crate::instancing::item::Item;
+use super::blocks::RecordPeaks;
+use crate::instancing::item::PlacementItem;
 use crate::instancing::placement::nearest;
 use crate::mesh::Aabb;
 
@@ -23,19 +23,19 @@ const LARGE: f64 = 32_768.0;
 /// Slack of a lattice cell in quanta, for the rounding of positions far from 0.
 const CELL_SLACK: f64 = 1.0 / 256.0;
 
-/// Rounding of [`Lattice::peaks`], two additions of single precision at most.
+/// Rounding of [`MortonLattice::peaks`], two additions of single precision at most.
 const NUMBER_ERROR: f64 = 1.0 / 2_097_152.0;
 
 /// A power-of-two lattice with an aligned lower corner.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Lattice {
+pub(crate) struct MortonLattice {
     base: DVec3,
     quantum: f64,
     /// 1 / `quantum`, exact.
     steps: f64,
 }
 
-impl Lattice {
+impl MortonLattice {
     /// The lattice of an assembly whose members (those in chunks) fill `bounds`.
     pub(crate) fn around(bounds: &Aabb) -> Self {
         if bounds.is_empty() {
@@ -51,7 +51,7 @@ impl Lattice {
 
     /// Puts an item on the lattice as placement of `member`.
     #[inline]
-    pub(crate) fn place(&self, item: &mut Item, member: u32) {
+    pub(crate) fn place(&self, item: &mut PlacementItem, member: u32) {
         let at = (item.center() - self.base) * self.steps;
         let [x, y, z] = at.to_array().map(lattice_step);
         let large = f64::from(item.largest_half()) > LARGE * self.quantum;
@@ -60,10 +60,10 @@ impl Lattice {
     }
 
     /// The outermost numbers of what a placed item places, seen from the lattice's corner, without the rounding of its
-    /// map in the chunk and of the numbers themselves; see [`Lattice::box_of`].
+    /// map in the chunk and of the numbers themselves; see [`MortonLattice::box_of`].
     #[inline]
     #[expect(clippy::cast_precision_loss, reason = "21 bits, and a power of two")]
-    pub(crate) fn peaks(&self, item: &Item) -> Peaks {
+    pub(crate) fn peaks(&self, item: &PlacementItem) -> RecordPeaks {
         let quantum = nearest(self.quantum);
         let code = item.code();
         let [x, y, z] = [code, code >> 1, code >> 2].map(|v| gather_bits(v & (u64::MAX >> 1)));
@@ -71,11 +71,11 @@ impl Lattice {
         let half = item.half();
         let low: [f32; 3] = std::array::from_fn(|k| half[k] - corner[k]);
         let high: [f32; 3] = std::array::from_fn(|k| corner[k] + quantum + half[k]);
-        Peaks([low[0], low[1], low[2], high[0], high[1], high[2], item.spread(), 0.0])
+        RecordPeaks([low[0], low[1], low[2], high[0], high[1], high[2], item.spread(), 0.0])
     }
 
     /// The box that peaks mean, in the assembly's frame, and the largest spread.
-    pub(crate) fn box_of(&self, peaks: Peaks) -> ([DVec3; 2], f64) {
+    pub(crate) fn box_of(&self, peaks: RecordPeaks) -> ([DVec3; 2], f64) {
         let [a, b, c, d, e, f, spread, _] = peaks.0.map(f64::from);
         let (low, high) = (-DVec3::new(a, b, c), DVec3::new(d, e, f));
         let slack = |v: DVec3| v.abs() * NUMBER_ERROR + CELL_SLACK * self.quantum;

@@ -31,14 +31,14 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-pub(crate) use buckets::Buckets;
+pub(crate) use buckets::OrderBuckets;
 pub use chunk::Chunk;
 pub use placed::PlacedValues;
 pub(crate) use placed::{PlacedReader, PlacedValue};
-pub(crate) use store::{PartitionStore, Source};
+pub(crate) use store::{PartitionSource, PartitionStore};
 pub use validate::WorldError;
 
-use crate::instancing::item::Item;
+use crate::instancing::item::PlacementItem;
 use crate::mesh::{Aabb, Bvh2};
 
 pub use crate::instancing::assembly::{KEY_BYTES, RECORD_BYTES};
@@ -58,7 +58,7 @@ const FRESH_SHARE: u64 = 4;
 
 /// Most of `records` placements that become items at once, where `bytes` of them may be held.
 pub(crate) fn at_once(bytes: u64, records: u64) -> u64 {
-    (bytes / size_of::<Item>() as u64).max(records / ITEM_SHARE).max(1)
+    (bytes / size_of::<PlacementItem>() as u64).max(records / ITEM_SHARE).max(1)
 }
 
 /// True where all of `records` placements are cut anew, stretch by stretch, since those that are `fresh` are more than
@@ -95,7 +95,7 @@ impl PartitionOptions {
 
 /// A partitioned scene.
 #[derive(Clone, Debug)]
-pub struct World {
+pub struct PartitionedWorld {
     /// Chunks of the opened assemblies, children first, in Morton order; [`ChunkInstance::chunk`] indexes this.
     pub chunks: Vec<Arc<Chunk>>,
     /// Placements of chunks.
@@ -128,7 +128,7 @@ pub struct OpenedAssembly {
 /// A placement of a chunk in the world.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ChunkInstance {
-    /// Index into [`World::chunks`].
+    /// Index into [`PartitionedWorld::chunks`].
     pub chunk: u32,
     /// Rows of the linear map from the world's frame to the chunk's.
     pub chunk_from_world: [[f32; 3]; 3],
@@ -137,14 +137,14 @@ pub struct ChunkInstance {
     /// Instance id so far: from 0, over the opened placements from the outermost in, `id * prototype_count + index`,
     /// wrapping.
     pub instance_id: u32,
-    /// Values of primvars of the opened placements: row of [`World::placed`], or `NO_ROW`.
+    /// Values of primvars of the opened placements: row of [`PartitionedWorld::placed`], or `NO_ROW`.
     pub row: u32,
     /// Box in the world's frame, minus the snapshot's origin. Holds all records as `chunk_from_world` and `origin`, in
     /// single precision and as the sum of two floats, put them.
     pub bounds: Aabb,
 }
 
-impl World {
+impl PartitionedWorld {
     /// Bytes of host memory held, without the arrays that records are computed from.
     #[must_use]
     pub fn host_bytes(&self) -> u64 {

@@ -10,21 +10,21 @@ use std::sync::Arc;
 use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use super::buckets::Buckets;
-use super::cells::{Cutter, Piece};
-use super::changes::Changes;
+use super::buckets::OrderBuckets;
+use super::cells::{ChunkCutter, OrderPiece};
+use super::changes::MemberChanges;
 use super::chunk::{AssemblyMembers, Chunk};
 use super::cost::{AssetCosts, CutRule};
 use super::gather::sorted;
-use super::lattice::Lattice;
-use super::patch::{Edits, SHARE};
-use super::stretches::Stretches;
+use super::lattice::MortonLattice;
+use super::patch::{ChunkEdits, SHARE};
+use super::stretches::RankStretches;
 use super::{RECORD_BYTES, at_once, cuts_in_stretches};
-use crate::instancing::assembly::Target;
-use crate::instancing::assembly::{Assembly, Member};
+use crate::instancing::assembly::InstanceTarget;
+use crate::instancing::assembly::{Assembly, AssemblyMember};
 use crate::instancing::diff::ChangedNumbers;
 use crate::instancing::instance_primvars::{MemberPrimvar, value_bytes};
-use crate::instancing::item::Item;
+use crate::instancing::item::PlacementItem;
 use crate::mesh::Aabb;
 
 /// Items that a task puts on the lattice.
@@ -32,10 +32,10 @@ const PLACED: usize = 1 << 12;
 
 /// The partition of one opened assembly.
 #[derive(Debug, Default)]
-pub(crate) struct Part {
-    lattice: Option<Lattice>,
+pub(crate) struct AssemblyPart {
+    lattice: Option<MortonLattice>,
     /// Members with records in chunks, in order.
-    members: Vec<Known>,
+    members: Vec<KnownMember>,
     /// In Morton order.
     pub(crate) chunks: Vec<Arc<Chunk>>,
     next_id: u32,
@@ -43,9 +43,9 @@ pub(crate) struct Part {
 
 /// A member and its lasting id.
 #[derive(Clone, Debug)]
-struct Known {
+struct KnownMember {
     id: u32,
-    member: Member,
+    member: AssemblyMember,
 }
 
 /// What an update does to a chunk.
@@ -63,16 +63,16 @@ enum ChunkUpdate {
 
 /// A chunk after that.
 #[derive(Debug)]
-enum Done {
+enum UpdatedChunk {
     /// In its place, with the same records up to values.
     Kept(Arc<Chunk>),
     Patched(Arc<Chunk>),
-    Melted(Vec<Item>),
+    Melted(Vec<PlacementItem>),
 }
 
 /// What is partitioned, and by which costs.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Job<'a> {
+pub(crate) struct PartitionJob<'a> {
     pub(crate) assembly: &'a Assembly,
     pub(crate) costs: &'a AssetCosts,
     pub(crate) chunk_bytes: u64,
@@ -81,34 +81,35 @@ pub(crate) struct Job<'a> {
     /// Bytes of items held at once.
     pub(crate) item_bytes: u64,
     /// Buckets that scans of this commit used.
-    pub(crate) buckets: Option<&'a Buckets>,
+    pub(crate) buckets: Option<&'a OrderBuckets>,
 }
 
-impl<'a> Job<'a> {
+impl<'a> PartitionJob<'a> {
     /// Members with records in chunks, with their numbers.
-    pub(crate) fn inside(&self) -> impl Iterator<Item = (u32, &'a Member)> {
+    pub(crate) fn inside(&self) -> impl Iterator<Item = (u32, &'a AssemblyMember)> {
         let opened = self.opened;
-        let is_opened = move |t: Target| matches!(t, Target::Assembly(a) if opened.get(a as usize) == Some(&true));
+        let is_opened =
+            move |t: InstanceTarget| matches!(t, InstanceTarget::Assembly(a) if opened.get(a as usize) == Some(&true));
         (0..).zip(self.assembly.members()).filter(move |(_, m)| m.run.len() > 0 && !is_opened(m.target))
     }
 
     /// The lattice of these members.
-    pub(crate) fn lattice(&self) -> Lattice {
-        Lattice::around(&self.inside().fold(Aabb::EMPTY, |b, (_, m)| b.union(&m.run.bounds())))
+    pub(crate) fn lattice(&self) -> MortonLattice {
+        MortonLattice::around(&self.inside().fold(Aabb::EMPTY, |b, (_, m)| b.union(&m.run.bounds())))
     }
 
     /// The rule by which cells are cut.
     pub(crate) fn rule(&self) -> CutRule<'a> {
-        let mut totals: FxHashMap<Target, u64> = FxHashMap::default();
+        let mut totals: FxHashMap<InstanceTarget, u64> = FxHashMap::default();
         self.inside().for_each(|(_, m)| *totals.entry(m.target).or_default() += m.run.len() as u64);
         let record_bytes = RECORD_BYTES + value_bytes(self.assembly.columns());
         CutRule { costs: self.costs, chunk_bytes: self.chunk_bytes, record_bytes, totals }
     }
 }
 
-impl Part {
+impl AssemblyPart {
     /// Brings the partition up to date. New chunks have key 0.
-    pub(crate) fn update(&mut self, job: Job<'_>) {
+    pub(crate) fn update(&mut self, job: PartitionJob<'_>) {
         let lattice = job.lattice();
         if self.lattice != Some(lattice) || self.next_id > u32::MAX / 2 {
             *self = Self { lattice: Some(lattice), ..Self::default() };
@@ -120,10 +121,10 @@ impl Part {
             ids: &changes.ids,
             keeps_frame: job.assembly.is_split_mesh(),
         };
-        let cutter = Cutter { rule: &rule, roster, lattice: &lattice, member_of: &changes.member_of };
+        let cutter = ChunkCutter { rule: &rule, roster, lattice: &lattice, member_of: &changes.member_of };
         let chunks =
             self.cut_anew(&cutter, &changes, job).unwrap_or_else(|| self.cut_again(&cutter, &changes, job.item_bytes));
-        let known = job.inside().map(|(number, member)| Known {
+        let known = job.inside().map(|(number, member)| KnownMember {
             id: changes.ids.get(number as usize).copied().unwrap_or(u32::MAX),
             member: member.clone(),
         });
@@ -133,8 +134,13 @@ impl Part {
     }
 
     /// All chunks, cut in stretches, if what is new is too much to be items at once.
-    fn cut_anew(&self, cutter: &Cutter<'_>, changes: &Changes, job: Job<'_>) -> Option<Vec<Arc<Chunk>>> {
-        let members: Vec<(u32, &Member)> = job.inside().collect();
+    fn cut_anew(
+        &self,
+        cutter: &ChunkCutter<'_>,
+        changes: &MemberChanges,
+        job: PartitionJob<'_>,
+    ) -> Option<Vec<Arc<Chunk>>> {
+        let members: Vec<(u32, &AssemblyMember)> = job.inside().collect();
         let records: u64 = members.iter().map(|(_, member)| member.run.len() as u64).sum();
         // A cell that has more is cut whatever it is.
         let most = at_once(job.item_bytes, records).max(cutter.rule.most_records());
@@ -146,17 +152,22 @@ impl Part {
         let buckets = if let Some(known) = known {
             known
         } else {
-            let stride = Buckets::stride(records);
+            let stride = OrderBuckets::stride(records);
             let samples: Vec<_> = members.par_iter().flat_map_iter(|(_, m)| m.run.spec().samples(stride)).collect();
-            made = Buckets::on(*cutter.lattice, &samples, records, most);
+            made = OrderBuckets::on(*cutter.lattice, &samples, records, most);
             &made
         };
-        let chunks = Stretches { cutter, buckets, most }.cut(&members, known.is_none());
+        let chunks = RankStretches { cutter, buckets, most }.cut(&members, known.is_none());
         Some(self.with_known(chunks, changes, cutter.roster.members))
     }
 
     /// The chunks, those from before in place of new ones that are the same.
-    fn with_known(&self, mut chunks: Vec<Arc<Chunk>>, changes: &Changes, members: &[Member]) -> Vec<Arc<Chunk>> {
+    fn with_known(
+        &self,
+        mut chunks: Vec<Arc<Chunk>>,
+        changes: &MemberChanges,
+        members: &[AssemblyMember],
+    ) -> Vec<Arc<Chunk>> {
         let name = |chunk: &Chunk| (chunk.codes, chunk.ids.first().copied(), chunk.ranks.first().copied());
         let old: FxHashMap<_, &Arc<Chunk>> = self.chunks.iter().map(|chunk| (name(chunk), chunk)).collect();
         let edited = changes.edited_ranks();
@@ -171,45 +182,45 @@ impl Part {
     }
 
     /// Chunks made of those from before, with everything that is new sorted at once.
-    fn cut_again(&self, cutter: &Cutter<'_>, changes: &Changes, item_bytes: u64) -> Vec<Arc<Chunk>> {
+    fn cut_again(&self, cutter: &ChunkCutter<'_>, changes: &MemberChanges, item_bytes: u64) -> Vec<Arc<Chunk>> {
         let (roster, lattice) = (cutter.roster, cutter.lattice);
         let gained = sorted(new_items(roster.members, changes, lattice), item_bytes);
         let lost = self.lost_items(changes, lattice);
-        let edits = Edits::of_chunks(&self.chunks, &lost, &gained);
+        let edits = ChunkEdits::of_chunks(&self.chunks, &lost, &gained);
         let fates = self.fates(changes, &edits);
         let changed = if fates.contains(&ChunkUpdate::Melt) { changes.places() } else { FxHashSet::default() };
         let melt = |chunk: &Chunk| {
             let mut items = cutter.melt(chunk);
             items.retain(|i| !changed.contains(&(i.member(), i.rank())));
-            Done::Melted(items)
+            UpdatedChunk::Melted(items)
         };
-        let done: Vec<Done> = (&self.chunks, &edits, &fates)
+        let done: Vec<UpdatedChunk> = (&self.chunks, &edits, &fates)
             .into_par_iter()
             .with_max_len(1)
             .map(|(chunk, edits, fate)| match fate {
                 ChunkUpdate::Keep => {
                     rebind(chunk, changes, roster.members);
-                    Done::Kept(chunk.clone())
+                    UpdatedChunk::Kept(chunk.clone())
                 }
-                ChunkUpdate::Revalue => Done::Kept(Arc::new(cutter.revalued(chunk))),
+                ChunkUpdate::Revalue => UpdatedChunk::Kept(Arc::new(cutter.revalued(chunk))),
                 ChunkUpdate::Patch => {
                     let lost = lost.get(edits.lost.clone()).unwrap_or_default();
                     let gained = gained.get(edits.gained.clone()).unwrap_or_default();
                     let patched = cutter.patch(chunk, lost, gained);
-                    patched.map_or_else(|| melt(chunk), |chunk| Done::Patched(Arc::new(chunk)))
+                    patched.map_or_else(|| melt(chunk), |chunk| UpdatedChunk::Patched(Arc::new(chunk)))
                 }
                 ChunkUpdate::Melt => melt(chunk),
             })
             .collect();
         let items = loose(gained, &edits, &done);
-        cutter.cut(&pieces(done.iter().filter_map(Done::chunk), &items))
+        cutter.cut(&pieces(done.iter().filter_map(UpdatedChunk::chunk), &items))
     }
 
     /// Records that go, as they were, with lasting ids in place of members; sorted. Without those of members that are
     /// gone when they are many.
-    fn lost_items(&self, changes: &Changes, lattice: &Lattice) -> Vec<Item> {
-        let mut lost: Vec<Item> = Vec::new();
-        let mut add = |known: &Known, ranks: &[u32]| {
+    fn lost_items(&self, changes: &MemberChanges, lattice: &MortonLattice) -> Vec<PlacementItem> {
+        let mut lost: Vec<PlacementItem> = Vec::new();
+        let mut add = |known: &KnownMember, ranks: &[u32]| {
             let reader = known.member.run.reader(None);
             lost.par_extend(ranks.par_iter().filter_map(|&rank| {
                 let mut item = reader.item(rank)?;
@@ -224,14 +235,14 @@ impl Part {
             let gone = self.members.iter().filter(|known| !changes.member_of.contains_key(&known.id));
             gone.for_each(|known| add(known, &(0..known.member.run.ranks()).collect::<Vec<u32>>()));
         }
-        lost.par_sort_unstable_by_key(Item::key);
+        lost.par_sort_unstable_by_key(PlacementItem::key);
         lost
     }
 
     /// What becomes of the chunks. Chunks of equal codes share their fate.
-    fn fates(&self, changes: &Changes, edits: &[Edits]) -> Vec<ChunkUpdate> {
+    fn fates(&self, changes: &MemberChanges, edits: &[ChunkEdits]) -> Vec<ChunkUpdate> {
         let is_gone = |id: &u32| !changes.member_of.contains_key(id);
-        let fate = |(chunk, edits): (&Arc<Chunk>, &Edits)| match edits.len() {
+        let fate = |(chunk, edits): (&Arc<Chunk>, &ChunkEdits)| match edits.len() {
             _ if !changes.takes_gone_records && chunk.ids.iter().any(is_gone) => ChunkUpdate::Melt,
             0 if changes.revalues(chunk) => ChunkUpdate::Revalue,
             0 => ChunkUpdate::Keep,
@@ -251,9 +262,12 @@ impl Part {
     }
 
     /// Compares the members with those of the last time; both are in the order of paths and slots.
-    fn changes(&self, job: Job<'_>) -> Changes {
-        let mut changes =
-            Changes { ids: vec![u32::MAX; job.assembly.members().len()], next_id: self.next_id, ..Changes::default() };
+    fn changes(&self, job: PartitionJob<'_>) -> MemberChanges {
+        let mut changes = MemberChanges {
+            ids: vec![u32::MAX; job.assembly.members().len()],
+            next_id: self.next_id,
+            ..MemberChanges::default()
+        };
         let mut old = self.members.iter().enumerate().peekable();
         for (number, member) in job.inside() {
             while old.next_if(|(_, known)| known.member.name() < member.name()).is_some() {}
@@ -292,7 +306,7 @@ impl Part {
     }
 }
 
-impl Done {
+impl UpdatedChunk {
     fn chunk(&self) -> Option<&Arc<Chunk>> {
         match self {
             Self::Kept(chunk) | Self::Patched(chunk) => Some(chunk),
@@ -302,38 +316,38 @@ impl Done {
 }
 
 /// Sorted items in no chunk: what melted, and what was gained and is in no patched chunk.
-fn loose(gained: Vec<Item>, edits: &[Edits], done: &[Done]) -> Vec<Item> {
-    let adds_none = |done: &Done| match done {
-        Done::Kept(_) => true,
-        Done::Patched(_) => false,
-        Done::Melted(items) => items.is_empty(),
+fn loose(gained: Vec<PlacementItem>, edits: &[ChunkEdits], done: &[UpdatedChunk]) -> Vec<PlacementItem> {
+    let adds_none = |done: &UpdatedChunk| match done {
+        UpdatedChunk::Kept(_) => true,
+        UpdatedChunk::Patched(_) => false,
+        UpdatedChunk::Melted(items) => items.is_empty(),
     };
     if done.iter().all(adds_none) {
         return gained;
     }
-    let mut items: Vec<Item> = Vec::new();
+    let mut items: Vec<PlacementItem> = Vec::new();
     let mut at = 0;
     for (edits, done) in edits.iter().zip(done) {
         match done {
-            Done::Kept(_) => {}
-            Done::Patched(_) => {
+            UpdatedChunk::Kept(_) => {}
+            UpdatedChunk::Patched(_) => {
                 items.extend_from_slice(gained.get(at..edits.gained.start).unwrap_or_default());
                 at = edits.gained.end;
             }
-            Done::Melted(melted) => items.extend_from_slice(melted),
+            UpdatedChunk::Melted(melted) => items.extend_from_slice(melted),
         }
     }
     items.extend_from_slice(gained.get(at..).unwrap_or_default());
-    items.par_sort_unstable_by_key(Item::key);
+    items.par_sort_unstable_by_key(PlacementItem::key);
     items
 }
 
 /// The items of added members and of edited records, in parts, not sorted.
-fn new_items(members: &[Member], changes: &Changes, lattice: &Lattice) -> Vec<Vec<Item>> {
+fn new_items(members: &[AssemblyMember], changes: &MemberChanges, lattice: &MortonLattice) -> Vec<Vec<PlacementItem>> {
     let of = |number: u32| members.get(number as usize);
     let (single, many): (Vec<u32>, Vec<u32>) =
         changes.added.iter().partition(|&&number| of(number).is_none_or(|m| m.run.len() == 1));
-    let mut items: Vec<Item> = Vec::new();
+    let mut items: Vec<PlacementItem> = Vec::new();
     items.par_extend(single.par_iter().filter_map(|&number| {
         let reader = of(number)?.run.reader(None);
         let mut item = reader.first_item()?;
@@ -349,7 +363,7 @@ fn new_items(members: &[Member], changes: &Changes, lattice: &Lattice) -> Vec<Ve
             Some(item)
         }));
     }
-    let mut parts: Vec<(u32, Vec<Item>)> =
+    let mut parts: Vec<(u32, Vec<PlacementItem>)> =
         many.iter().filter_map(|&number| Some((number, of(number)?.run.take_items()))).collect();
     let stretches = parts.par_iter_mut().flat_map(|(number, part)| {
         let number = *number;
@@ -360,7 +374,7 @@ fn new_items(members: &[Member], changes: &Changes, lattice: &Lattice) -> Vec<Ve
 }
 
 /// Makes a kept chunk read the present arrays, so that old ones can go. Changes no record.
-fn rebind(chunk: &Chunk, changes: &Changes, members: &[Member]) {
+fn rebind(chunk: &Chunk, changes: &MemberChanges, members: &[AssemblyMember]) {
     if chunk.ids.iter().any(|id| changes.rebound.contains(id)) {
         let present = chunk.ids.iter().filter_map(|id| members.get(*changes.member_of.get(id)? as usize).cloned());
         chunk.set_members(present.collect());
@@ -368,18 +382,18 @@ fn rebind(chunk: &Chunk, changes: &Changes, members: &[Member]) {
 }
 
 /// Kept chunks and sorted items between them, in order.
-fn pieces<'a>(kept: impl Iterator<Item = &'a Arc<Chunk>>, mut items: &'a [Item]) -> Vec<Piece<'a>> {
+fn pieces<'a>(kept: impl Iterator<Item = &'a Arc<Chunk>>, mut items: &'a [PlacementItem]) -> Vec<OrderPiece<'a>> {
     let mut pieces = Vec::new();
     for chunk in kept {
         let (before, after) = items.split_at(items.partition_point(|item| item.code() < chunk.codes[0]));
         if !before.is_empty() {
-            pieces.push(Piece::Loose(before));
+            pieces.push(OrderPiece::Loose(before));
         }
-        pieces.push(Piece::Kept(chunk));
+        pieces.push(OrderPiece::Kept(chunk));
         items = after;
     }
     if !items.is_empty() {
-        pieces.push(Piece::Loose(items));
+        pieces.push(OrderPiece::Loose(items));
     }
     pieces
 }

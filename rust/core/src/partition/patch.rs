@@ -6,11 +6,11 @@ use std::ops::Range;
 
 use rustc_hash::FxHashMap;
 
-use super::blocks::{BLOCK, Block};
-use super::cells::Cutter;
-use super::chunk::{Chunk, Content, Readers};
+use super::blocks::{BLOCK, RecordBlock};
+use super::cells::ChunkCutter;
+use super::chunk::{Chunk, ChunkContent, MemberReaders};
 use super::which::IndexSet;
-use crate::instancing::item::Item;
+use crate::instancing::item::PlacementItem;
 
 /// Chunks with fewer records are made anew. Enough for patched ones to have more than [`super::chunk::SCATTERED`].
 const FEW: usize = 80;
@@ -23,18 +23,22 @@ const GAP: usize = 256;
 
 /// Edits of one chunk.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Edits {
+pub(crate) struct ChunkEdits {
     /// Which of the lost items are its.
     pub(crate) lost: Range<usize>,
     /// Which of the new items.
     pub(crate) gained: Range<usize>,
 }
 
-impl Edits {
+impl ChunkEdits {
     /// By chunk: which items, both sorted, are edits of it. Items between two chunks are taken to belong to the one
     /// with which they share more of their code. Chunks of equal codes may share items.
-    pub(crate) fn of_chunks(chunks: &[std::sync::Arc<Chunk>], lost: &[Item], gained: &[Item]) -> Vec<Self> {
-        let range = |items: &[Item], codes: [u64; 2]| {
+    pub(crate) fn of_chunks(
+        chunks: &[std::sync::Arc<Chunk>],
+        lost: &[PlacementItem],
+        gained: &[PlacementItem],
+    ) -> Vec<Self> {
+        let range = |items: &[PlacementItem], codes: [u64; 2]| {
             items.partition_point(|i| i.code() < codes[0])..items.partition_point(|i| i.code() <= codes[1])
         };
         let mut edits: Vec<Self> = chunks
@@ -73,30 +77,30 @@ impl Edits {
 }
 
 /// A chunk being patched.
-struct Patch<'a> {
-    cutter: &'a Cutter<'a>,
+struct ChunkPatch<'a> {
+    cutter: &'a ChunkCutter<'a>,
     chunk: &'a Chunk,
-    readers: Readers<'a>,
+    readers: MemberReaders<'a>,
     /// By member of the chunk: its present number, or that of the next one and false when it is gone.
     order: Vec<(u32, bool)>,
     /// First record of each block.
     starts: Vec<usize>,
     /// Places of the lost records.
-    lost: Vec<(usize, Item)>,
+    lost: Vec<(usize, PlacementItem)>,
     /// Gained records: block, and the old record before which each goes.
-    gained: Vec<(usize, usize, Item)>,
+    gained: Vec<(usize, usize, PlacementItem)>,
 }
 
-impl Cutter<'_> {
+impl ChunkCutter<'_> {
     /// A chunk after edits, without key; `None` when it cannot be patched: then it must be made anew. `lost` have
     /// lasting ids in place of members, `gained` are in order; no other chunk has records of the same codes.
-    pub(crate) fn patch(&self, chunk: &Chunk, lost: &[Item], gained: &[Item]) -> Option<Chunk> {
+    pub(crate) fn patch(&self, chunk: &Chunk, lost: &[PlacementItem], gained: &[PlacementItem]) -> Option<Chunk> {
         let members = chunk.members();
         let starts = chunk.blocks.iter().scan(0, |at, block| Some(std::mem::replace(at, *at + block.len as usize)));
-        let mut patch = Patch {
+        let mut patch = ChunkPatch {
             cutter: self,
             chunk,
-            readers: Readers::new(&members, None),
+            readers: MemberReaders::new(&members, None),
             order: self.present_order(chunk),
             starts: starts.collect(),
             lost: Vec::with_capacity(lost.len()),
@@ -117,7 +121,7 @@ impl Cutter<'_> {
 
     /// A chunk of the same records with the values that the present members give them, without key.
     pub(crate) fn revalued(&self, chunk: &Chunk) -> Chunk {
-        let content = Content {
+        let content = ChunkContent {
             codes: chunk.codes,
             present: chunk.ids.iter().filter_map(|id| self.member_of.get(id).copied()).collect(),
             counts: chunk.counts.clone(),
@@ -128,7 +132,7 @@ impl Cutter<'_> {
         Chunk::of(content, self.roster, self.lattice)
     }
 
-    /// See [`Patch::order`].
+    /// See [`ChunkPatch::order`].
     fn present_order(&self, chunk: &Chunk) -> Vec<(u32, bool)> {
         let mut next = u32::MAX;
         let mut order: Vec<(u32, bool)> = Vec::with_capacity(chunk.ids.len());
@@ -142,9 +146,9 @@ impl Cutter<'_> {
     }
 }
 
-impl Patch<'_> {
+impl ChunkPatch<'_> {
     /// The item of an old record.
-    fn measure(&mut self, at: usize) -> Option<Item> {
+    fn measure(&mut self, at: usize) -> Option<PlacementItem> {
         let (which, rank) = self.chunk.place(at)?;
         let number = self.order.get(which as usize)?.0;
         let mut item = self.readers.item(which, rank)?;
@@ -153,7 +157,7 @@ impl Patch<'_> {
     }
 
     /// Whether an old record, whose code is given, comes before a gained one.
-    fn is_before(&self, at: usize, code: u64, gained: &Item) -> bool {
+    fn is_before(&self, at: usize, code: u64, gained: &PlacementItem) -> bool {
         if code != gained.code() {
             return code < gained.code();
         }
@@ -169,7 +173,7 @@ impl Patch<'_> {
         self.starts.get(block + 1).copied().unwrap_or(self.chunk.len())
     }
 
-    fn find_lost(&mut self, lost: &[Item]) -> Option<()> {
+    fn find_lost(&mut self, lost: &[PlacementItem]) -> Option<()> {
         let chunk = self.chunk;
         let which_of: FxHashMap<u32, u32> = chunk.ids.iter().copied().zip(0..).collect();
         for item in lost {
@@ -189,7 +193,7 @@ impl Patch<'_> {
         Some(())
     }
 
-    fn find_gained(&mut self, gained: &[Item]) -> Option<()> {
+    fn find_gained(&mut self, gained: &[PlacementItem]) -> Option<()> {
         let chunk = self.chunk;
         // Codes of the records of the last block looked at, as far as known.
         let mut known: (usize, Vec<Option<u64>>) = (usize::MAX, Vec::new());
@@ -224,7 +228,7 @@ impl Patch<'_> {
     }
 
     /// The blocks after the edits.
-    fn blocks(&mut self) -> Option<Vec<Block>> {
+    fn blocks(&mut self) -> Option<Vec<RecordBlock>> {
         let (lost, gained) = (std::mem::take(&mut self.lost), std::mem::take(&mut self.gained));
         let mut blocks = Vec::with_capacity(self.chunk.blocks.len());
         let (mut lost_left, mut gained_left) = (&lost[..], &gained[..]);
@@ -254,7 +258,7 @@ impl Patch<'_> {
                 };
                 blocks.push(block);
             } else {
-                blocks.extend(Block::of(self.merged(range, lost, gained)?.iter(), self.cutter.lattice));
+                blocks.extend(RecordBlock::of(self.merged(range, lost, gained)?.iter(), self.cutter.lattice));
             }
         }
         (self.lost, self.gained) = (lost, gained);
@@ -265,9 +269,9 @@ impl Patch<'_> {
     fn merged(
         &mut self,
         range: Range<usize>,
-        lost: &[(usize, Item)],
-        gained: &[(usize, usize, Item)],
-    ) -> Option<Vec<Item>> {
+        lost: &[(usize, PlacementItem)],
+        gained: &[(usize, usize, PlacementItem)],
+    ) -> Option<Vec<PlacementItem>> {
         let mut items = Vec::with_capacity(range.len() + gained.len());
         let mut gained = gained.iter().peekable();
         let mut lost = lost.iter().peekable();
@@ -296,7 +300,7 @@ impl Patch<'_> {
     }
 
     /// Everything put together.
-    fn content(&self, codes: [u64; 2], blocks: Vec<Block>) -> Option<Content> {
+    fn content(&self, codes: [u64; 2], blocks: Vec<RecordBlock>) -> Option<ChunkContent> {
         let chunk = self.chunk;
         let mut left = chunk.counts.clone();
         for (at, _) in &self.lost {
@@ -348,6 +352,6 @@ impl Patch<'_> {
         }
         copy(&mut ranks, &mut which, at..chunk.len());
         let which = IndexSet::of(which.into_iter(), present.len());
-        (ranks.len() == len).then_some(Content { codes, present, counts, ranks, which, blocks })
+        (ranks.len() == len).then_some(ChunkContent { codes, present, counts, ranks, which, blocks })
     }
 }

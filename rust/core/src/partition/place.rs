@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::chunk::Chunk;
 use super::placed::PlacedValue;
-use super::{ChunkInstance, World};
+use super::{ChunkInstance, PartitionedWorld};
 use crate::instancing::placement::{MATRIX_ERROR, nearest, round_down, round_up};
 use crate::mesh::{Aabb, Bvh2, BvhNode, build_box_bvh};
 
@@ -18,20 +18,20 @@ const ORIGIN_ERROR: f64 = 1.0 / (1_u64 << 44) as f64;
 
 /// A placement of an opened assembly.
 #[derive(Clone, Debug)]
-pub(crate) struct Placement {
+pub(crate) struct OpenedPlacement {
     /// World frame from the assembly's frame.
     pub(crate) frame: DAffine3,
     /// Instance id so far.
     pub(crate) id: u32,
     /// Values of primvars so far, those of inner instancers in place of outer ones.
     pub(crate) values: Vec<PlacedValue>,
-    /// Its row in [`World::placed`], or `NO_ROW`.
+    /// Its row in [`PartitionedWorld::placed`], or `NO_ROW`.
     pub(crate) row: u32,
 }
 
 /// Chunks `first ..` of the world, placed at each of `placements`. Gives what is out of range as `None`.
 pub(crate) fn place_chunks(
-    placements: &[Placement],
+    placements: &[OpenedPlacement],
     chunks: &[std::sync::Arc<Chunk>],
     first: u32,
 ) -> Vec<Option<ChunkInstance>> {
@@ -44,7 +44,7 @@ pub(crate) fn place_chunks(
         .collect()
 }
 
-fn place_chunk(at: &Placement, inverse: Option<DMat3>, chunk: &Chunk, number: u32) -> Option<ChunkInstance> {
+fn place_chunk(at: &OpenedPlacement, inverse: Option<DMat3>, chunk: &Chunk, number: u32) -> Option<ChunkInstance> {
     let (matrix, inverse) = (at.frame.matrix3, inverse?);
     let rows = inverse.transpose();
     let rows = [rows.x_axis, rows.y_axis, rows.z_axis];
@@ -86,7 +86,7 @@ pub(crate) fn top_level(instances: &[ChunkInstance]) -> Bvh2 {
     build_box_bvh(&boxes)
 }
 
-impl World {
+impl PartitionedWorld {
     /// True when both place the same chunks at the same places.
     pub(crate) fn is_same(&self, other: &Self) -> bool {
         let shared = |a: &[std::sync::Arc<Chunk>], b: &[std::sync::Arc<Chunk>]| {

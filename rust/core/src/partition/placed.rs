@@ -2,8 +2,8 @@
 //! Values of instance-rate primvars at the placements of opened assemblies. Records of these are in no chunk, so their
 //! values are in a table of the world, one row for each placement that has any. Pure.
 
-use super::place::Placement;
-use crate::instancing::assembly::Member;
+use super::place::OpenedPlacement;
+use crate::instancing::assembly::AssemblyMember;
 use crate::instancing::instance_primvars::{ColumnReader, InstanceColumn};
 use oocpt_abi::{NO_ROW, NO_VALUE};
 
@@ -46,7 +46,7 @@ pub(crate) struct PlacedReader<'a> {
 
 impl<'a> PlacedReader<'a> {
     /// One for each primvar of the member.
-    pub(crate) fn all_of(member: &'a Member) -> Vec<Self> {
+    pub(crate) fn all_of(member: &'a AssemblyMember) -> Vec<Self> {
         let columns = member.primvars.iter().map(crate::instancing::instance_primvars::MemberPrimvar::column);
         let reader = |column| Some(Self { column, reader: ColumnReader::new(&member.run, &member.primvars, column)? });
         columns.filter_map(reader).collect()
@@ -63,7 +63,7 @@ impl<'a> PlacedReader<'a> {
 
 impl PlacedValues {
     /// The table of all placements that have values, which are told their rows.
-    pub(crate) fn new(placements: &mut [Vec<Placement>]) -> Self {
+    pub(crate) fn new(placements: &mut [Vec<OpenedPlacement>]) -> Self {
         let mut table = Self::default();
         for value in placements.iter().flatten().flat_map(|placement| &placement.values) {
             if !table.columns.contains(&value.column) {

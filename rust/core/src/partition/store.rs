@@ -7,16 +7,16 @@ use std::sync::Arc;
 
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use super::buckets::Buckets;
+use super::buckets::OrderBuckets;
 use super::chunk::Chunk;
 use super::cost::AssetCosts;
-use super::part::{Job, Part};
-use super::place::{Placement, place_chunks, top_level};
+use super::part::{AssemblyPart, PartitionJob};
+use super::place::{OpenedPlacement, place_chunks, top_level};
 use super::placed::{PlacedReader, PlacedValues};
-use super::{ChunkInstance, ITEM_BYTES, OPEN_ABOVE, OpenedAssembly, PartitionOptions, World};
+use super::{ChunkInstance, ITEM_BYTES, OPEN_ABOVE, OpenedAssembly, PartitionOptions, PartitionedWorld};
 use crate::instancing::GroupId;
 use crate::instancing::assembly::Assembly;
-use crate::instancing::assembly::Target;
+use crate::instancing::assembly::InstanceTarget;
 use crate::mesh::SceneMesh;
 
 /// Most chunk instances, unless the root alone has more.
@@ -28,14 +28,14 @@ pub(crate) struct PartitionStore {
     options: PartitionOptions,
     item_bytes: u64,
     next_key: u64,
-    parts: FxHashMap<GroupId, Part>,
-    world: Arc<World>,
+    parts: FxHashMap<GroupId, AssemblyPart>,
+    world: Arc<PartitionedWorld>,
     /// What `world` is the partition of.
-    seen: Option<Seen>,
+    seen: Option<PartitionInputs>,
 }
 
 #[derive(Debug)]
-struct Seen {
+struct PartitionInputs {
     options: PartitionOptions,
     meshes: Vec<Arc<SceneMesh>>,
     assemblies: Vec<Arc<Assembly>>,
@@ -43,13 +43,13 @@ struct Seen {
 
 /// What is partitioned.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Source<'a> {
+pub(crate) struct PartitionSource<'a> {
     pub(crate) groups: &'a [&'a GroupId],
     pub(crate) meshes: &'a [Arc<SceneMesh>],
     /// One for each group. Children before parents, root last.
     pub(crate) assemblies: &'a [Arc<Assembly>],
     /// Buckets that the scans of each used.
-    pub(crate) buckets: &'a [Option<Buckets>],
+    pub(crate) buckets: &'a [Option<OrderBuckets>],
 }
 
 impl Default for PartitionStore {
@@ -59,7 +59,7 @@ impl Default for PartitionStore {
             item_bytes: ITEM_BYTES,
             next_key: 0,
             parts: FxHashMap::default(),
-            world: Arc::new(World::empty()),
+            world: Arc::new(PartitionedWorld::empty()),
             seen: None,
         }
     }
@@ -87,7 +87,7 @@ impl PartitionStore {
     }
 
     /// Partitions a scene.
-    pub(crate) fn update(&mut self, source: Source<'_>) -> Arc<World> {
+    pub(crate) fn update(&mut self, source: PartitionSource<'_>) -> Arc<PartitionedWorld> {
         if self.seen.as_ref().is_some_and(|seen| seen.is_of(self.options, source)) {
             return self.world.clone();
         }
@@ -110,12 +110,12 @@ impl PartitionStore {
         }
         source.assemblies.iter().flat_map(|a| a.members()).for_each(|m| m.run.drop_kept());
         let (meshes, assemblies) = (source.meshes.to_vec(), source.assemblies.to_vec());
-        self.seen = Some(Seen { options: self.options, meshes, assemblies });
+        self.seen = Some(PartitionInputs { options: self.options, meshes, assemblies });
         self.world.clone()
     }
 
     /// Brings the chunks of all opened assemblies up to date.
-    fn partition(&mut self, source: Source<'_>, costs: &AssetCosts, opened: &[bool]) -> Vec<Vec<Arc<Chunk>>> {
+    fn partition(&mut self, source: PartitionSource<'_>, costs: &AssetCosts, opened: &[bool]) -> Vec<Vec<Arc<Chunk>>> {
         let mut old = std::mem::take(&mut self.parts);
         let chunk_bytes = self.options.chunk_bytes();
         let item_bytes = self.item_bytes;
@@ -125,7 +125,7 @@ impl PartitionStore {
                 return Vec::new();
             }
             let mut part = old.remove(*group).unwrap_or_default();
-            part.update(Job { assembly, costs, chunk_bytes, opened, item_bytes, buckets: buckets.as_ref() });
+            part.update(PartitionJob { assembly, costs, chunk_bytes, opened, item_bytes, buckets: buckets.as_ref() });
             for chunk in &mut part.chunks {
                 // New ones are not shared yet.
                 if let Some(chunk) = Arc::get_mut(chunk).filter(|chunk| chunk.key == 0) {
@@ -141,8 +141,8 @@ impl PartitionStore {
     }
 }
 
-impl Seen {
-    fn is_of(&self, options: PartitionOptions, source: Source<'_>) -> bool {
+impl PartitionInputs {
+    fn is_of(&self, options: PartitionOptions, source: PartitionSource<'_>) -> bool {
         fn shared<T>(a: &[Arc<T>], b: &[Arc<T>]) -> bool {
             a.len() == b.len() && a.iter().zip(b).all(|(a, b)| Arc::ptr_eq(a, b))
         }
@@ -150,7 +150,7 @@ impl Seen {
     }
 }
 
-impl Source<'_> {
+impl PartitionSource<'_> {
     /// The root, and every assembly above `limit` that is placed.
     fn opened(&self, costs: &AssetCosts, limit: u64) -> Vec<bool> {
         let mut opened = vec![false; self.assemblies.len()];
@@ -158,7 +158,7 @@ impl Source<'_> {
         let placed = self.assemblies.iter().flat_map(|assembly| assembly.members());
         let moving: FxHashSet<u32> = placed
             .filter(|member| member.run.key_count() != 0)
-            .filter_map(|member| if let Target::Assembly(a) = member.target { Some(a) } else { None })
+            .filter_map(|member| if let InstanceTarget::Assembly(a) = member.target { Some(a) } else { None })
             .collect();
         if let Some(root) = opened.last_mut() {
             *root = true;
@@ -168,7 +168,7 @@ impl Source<'_> {
                 continue;
             }
             for member in self.assemblies[at].members().iter().filter(|m| m.run.len() > 0) {
-                if let Target::Assembly(a) = member.target
+                if let InstanceTarget::Assembly(a) = member.target
                     && costs.of_assembly(a as usize) > limit
                     && !moving.contains(&a)
                     && let Some(child) = opened.get_mut(a as usize)
@@ -185,10 +185,10 @@ impl Source<'_> {
         &self,
         opened: &[bool],
         at: usize,
-    ) -> impl Iterator<Item = (usize, &crate::instancing::assembly::Member)> {
+    ) -> impl Iterator<Item = (usize, &crate::instancing::assembly::AssemblyMember)> {
         let members = self.assemblies.get(at).map_or(&[][..], |a| a.members());
         members.iter().filter_map(move |member| match member.target {
-            Target::Assembly(a) if opened.get(a as usize) == Some(&true) => Some((a as usize, member)),
+            InstanceTarget::Assembly(a) if opened.get(a as usize) == Some(&true) => Some((a as usize, member)),
             _ => None,
         })
     }
@@ -207,9 +207,9 @@ impl Source<'_> {
     }
 
     /// Places the chunks.
-    fn world(&self, opened: &[bool], chunks: Vec<Vec<Arc<Chunk>>>) -> World {
+    fn world(&self, opened: &[bool], chunks: Vec<Vec<Arc<Chunk>>>) -> PartitionedWorld {
         let mut placements = self.placements(opened);
-        let mut world = World::empty();
+        let mut world = PartitionedWorld::empty();
         world.placed = PlacedValues::new(&mut placements);
         world.opened.clear();
         for (assembly, (chunks, placements)) in (0..).zip(chunks.into_iter().zip(placements)) {
@@ -234,10 +234,10 @@ impl Source<'_> {
     }
 
     /// Where each opened assembly is: parents' placements times their own.
-    fn placements(&self, opened: &[bool]) -> Vec<Vec<Placement>> {
-        let mut placements: Vec<Vec<Placement>> = vec![Vec::new(); self.assemblies.len()];
+    fn placements(&self, opened: &[bool]) -> Vec<Vec<OpenedPlacement>> {
+        let mut placements: Vec<Vec<OpenedPlacement>> = vec![Vec::new(); self.assemblies.len()];
         if let Some(root) = placements.last_mut() {
-            root.push(Placement { frame: glam::DAffine3::IDENTITY, id: 0, values: Vec::new(), row: NO_ROW });
+            root.push(OpenedPlacement { frame: glam::DAffine3::IDENTITY, id: 0, values: Vec::new(), row: NO_ROW });
         }
         for at in (0..self.assemblies.len()).rev() {
             let parents = std::mem::take(&mut placements[at]);
@@ -246,7 +246,7 @@ impl Source<'_> {
                 let readers = PlacedReader::all_of(member);
                 let places: Vec<_> = member.run.reader(None).matrices().collect();
                 for parent in &parents {
-                    placements[child].extend(places.iter().map(|(rank, matrix)| Placement {
+                    placements[child].extend(places.iter().map(|(rank, matrix)| OpenedPlacement {
                         frame: parent.frame * *matrix,
                         id: parent.id.wrapping_mul(count).wrapping_add(member.run.index_in_prototype(*rank)),
                         values: PlacedReader::values(&readers, &parent.values, *rank),
@@ -267,11 +267,11 @@ impl Source<'_> {
             let below = |opened_too: bool| {
                 let placed = assembly.members().iter().filter(|m| m.run.len() > 0);
                 let depths = placed.map(|m| match m.target {
-                    Target::Mesh(_) => 0,
-                    Target::Assembly(a) if opened_too || opened.get(a as usize) == Some(&false) => {
+                    InstanceTarget::Mesh(_) => 0,
+                    InstanceTarget::Assembly(a) if opened_too || opened.get(a as usize) == Some(&false) => {
                         levels.get(a as usize).copied().unwrap_or(0)
                     }
-                    Target::Assembly(_) => 0,
+                    InstanceTarget::Assembly(_) => 0,
                 });
                 depths.max().unwrap_or(0)
             };

@@ -10,12 +10,12 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::buckets::{Buckets, STRAY};
-use super::cells::{Cutter, Piece};
+use super::buckets::{OrderBuckets, STRAY};
+use super::cells::{ChunkCutter, OrderPiece};
 use super::chunk::Chunk;
-use crate::instancing::assembly::Member;
-use crate::instancing::item::Item;
-use crate::instancing::reader::Reader;
+use crate::instancing::assembly::AssemblyMember;
+use crate::instancing::item::PlacementItem;
+use crate::instancing::reader::RunReader;
 
 /// Ranks read by one task.
 const TASK: usize = 1 << 14;
@@ -30,17 +30,17 @@ const KEPT_SHARE: u64 = 6;
 
 /// What is to be cut.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Stretches<'a> {
-    pub(crate) cutter: &'a Cutter<'a>,
-    pub(crate) buckets: &'a Buckets,
+pub(crate) struct RankStretches<'a> {
+    pub(crate) cutter: &'a ChunkCutter<'a>,
+    pub(crate) buckets: &'a OrderBuckets,
     /// Most items at once when all chunks are made.
     pub(crate) most: u64,
 }
 
 /// Ranks of one member.
-struct Task<'a> {
+struct StretchTask<'a> {
     member: u32,
-    reader: &'a Reader<'a>,
+    reader: &'a RunReader<'a>,
     first: u32,
     /// Of each rank.
     buckets: &'a [u8],
@@ -49,20 +49,22 @@ struct Task<'a> {
 }
 
 /// Where a task puts its items of one bucket.
-type Slot<'b> = (u8, std::slice::IterMut<'b, Item>);
+type BucketSlot<'b> = (u8, std::slice::IterMut<'b, PlacementItem>);
 
-impl Stretches<'_> {
+impl RankStretches<'_> {
     /// Chunks of all placements of `members`, each with its number; `anew`: what scans kept is of other buckets.
-    pub(crate) fn cut(&self, members: &[(u32, &Member)], anew: bool) -> Vec<Arc<Chunk>> {
+    pub(crate) fn cut(&self, members: &[(u32, &AssemblyMember)], anew: bool) -> Vec<Arc<Chunk>> {
         let (few, many): (Vec<_>, Vec<_>) = members.iter().partition(|(_, member)| member.run.len() < FEW);
         let memos: Vec<Vec<u8>> = many.iter().map(|(_, member)| member.run.take_buckets(self.buckets, anew)).collect();
-        let readers: Vec<Reader<'_>> = many.iter().map(|(_, member)| member.run.reader(None)).collect();
-        let tasks: Vec<Task<'_>> = many
+        let readers: Vec<RunReader<'_>> = many.iter().map(|(_, member)| member.run.reader(None)).collect();
+        let tasks: Vec<StretchTask<'_>> = many
             .par_iter()
             .zip(&readers)
             .zip(&memos)
             .flat_map(|(((member, _), reader), memo)| {
-                memo.par_chunks(TASK).enumerate().map(move |(k, buckets)| Task::new(*member, reader, k * TASK, buckets))
+                memo.par_chunks(TASK)
+                    .enumerate()
+                    .map(move |(k, buckets)| StretchTask::new(*member, reader, k * TASK, buckets))
             })
             .collect();
         let loners = self.loners(&few, &tasks);
@@ -74,7 +76,7 @@ impl Stretches<'_> {
         let most = |left: u64| self.most.saturating_add(left / KEPT_SHARE);
         // As stretches shrink, cells must be no larger than the last ones.
         let cuts = self.buckets.cuts(&counts, self.most);
-        let (mut chunks, mut items): (Vec<Arc<Chunk>>, Vec<Item>) = (Vec::new(), Vec::new());
+        let (mut chunks, mut items): (Vec<Arc<Chunk>>, Vec<PlacementItem>) = (Vec::new(), Vec::new());
         let mut at = 0;
         while at < cuts.len() {
             let lens = cuts[at..].iter().map(|cells| counts[cells.clone()].iter().sum::<u64>());
@@ -86,7 +88,7 @@ impl Stretches<'_> {
             let stretch = &cuts[at..at + n];
             left -= self.gather(stretch, &counts, (&tasks, &loners), &mut items);
             let mut rest = &items[..];
-            let pieces: Vec<&[Item]> = stretch
+            let pieces: Vec<&[PlacementItem]> = stretch
                 .iter()
                 .map(|cells| {
                     let len = counts[cells.clone()].iter().sum::<u64>();
@@ -95,18 +97,18 @@ impl Stretches<'_> {
                     piece
                 })
                 .collect();
-            chunks.par_extend(pieces.par_iter().flat_map_iter(|piece| self.cutter.cut(&[Piece::Loose(piece)])));
+            chunks.par_extend(pieces.par_iter().flat_map_iter(|piece| self.cutter.cut(&[OrderPiece::Loose(piece)])));
             at += n;
         }
         chunks
     }
 
     /// Items that are in no bucket's count: those of small members, and strays. Sorted.
-    fn loners(&self, few: &[(u32, &Member)], tasks: &[Task<'_>]) -> Vec<Item> {
+    fn loners(&self, few: &[(u32, &AssemblyMember)], tasks: &[StretchTask<'_>]) -> Vec<PlacementItem> {
         let lattice = self.cutter.lattice;
         let of_few = few.par_iter().flat_map_iter(|(number, member)| {
             let reader = member.run.reader(None);
-            let place = |mut item: Item| {
+            let place = |mut item: PlacementItem| {
                 lattice.place(&mut item, *number);
                 item
             };
@@ -118,18 +120,18 @@ impl Stretches<'_> {
             let ranks = (task.first..).zip(task.buckets).filter(is_stray).map(|(rank, _)| rank);
             ranks.filter_map(|rank| self.item(task, rank)).collect::<Vec<_>>()
         });
-        let mut loners: Vec<Item> = of_few.chain(strays).collect();
-        loners.par_sort_unstable_by_key(Item::key);
+        let mut loners: Vec<PlacementItem> = of_few.chain(strays).collect();
+        loners.par_sort_unstable_by_key(PlacementItem::key);
         loners
     }
 
-    fn loner_counts(&self, loners: &[Item]) -> Vec<u64> {
+    fn loner_counts(&self, loners: &[PlacementItem]) -> Vec<u64> {
         let cells = self.buckets.cells();
         (0..cells.len()).map(|at| self.loners_of(at, loners).len() as u64).collect()
     }
 
     /// Which loners are in a cell.
-    fn loners_of(&self, cell: usize, loners: &[Item]) -> Range<usize> {
+    fn loners_of(&self, cell: usize, loners: &[PlacementItem]) -> Range<usize> {
         let start = |cell: usize| {
             let start = self.buckets.cells().get(cell).map(|cell| cell.start);
             start.map_or(loners.len(), |start| loners.partition_point(|item| item.code() < start))
@@ -137,7 +139,7 @@ impl Stretches<'_> {
         start(cell)..start(cell + 1)
     }
 
-    fn item(&self, task: &Task<'_>, rank: u32) -> Option<Item> {
+    fn item(&self, task: &StretchTask<'_>, rank: u32) -> Option<PlacementItem> {
         let mut item = task.reader.usable_item(rank)?;
         self.cutter.lattice.place(&mut item, task.member);
         Some(item)
@@ -148,8 +150,8 @@ impl Stretches<'_> {
         &self,
         stretch: &[Range<usize>],
         counts: &[u64],
-        (tasks, loners): (&[Task<'_>], &[Item]),
-        items: &mut Vec<Item>,
+        (tasks, loners): (&[StretchTask<'_>], &[PlacementItem]),
+        items: &mut Vec<PlacementItem>,
     ) -> u64 {
         let cells: Vec<usize> = stretch.iter().cloned().flatten().collect();
         let len = |cell: usize| usize::try_from(counts[cell]).unwrap_or(0);
@@ -161,7 +163,7 @@ impl Stretches<'_> {
         // Stretches become shorter as chunks take memory.
         items.truncate(total);
         items.shrink_to_fit();
-        let mut slots: Vec<Vec<Slot<'_>>> = tasks.iter().map(|_| Vec::new()).collect();
+        let mut slots: Vec<Vec<BucketSlot<'_>>> = tasks.iter().map(|_| Vec::new()).collect();
         let mut rest = &mut items[..];
         let mut taken: Vec<usize> = vec![0; tasks.len()];
         for &cell in &cells {
@@ -194,12 +196,12 @@ impl Stretches<'_> {
             regions.push(region);
             rest = after;
         }
-        regions.into_par_iter().with_max_len(1).for_each(|region| region.par_sort_unstable_by_key(Item::key));
+        regions.into_par_iter().with_max_len(1).for_each(|region| region.par_sort_unstable_by_key(PlacementItem::key));
         total as u64
     }
 
     /// Measures the ranks of a task that are of the slots' buckets, which follow each other but for gaps.
-    fn fill(&self, task: &Task<'_>, slots: &mut [Slot<'_>]) {
+    fn fill(&self, task: &StretchTask<'_>, slots: &mut [BucketSlot<'_>]) {
         let [Some(low), Some(high)] = [slots.first(), slots.last()].map(|slot| slot.map(|(bucket, _)| *bucket)) else {
             return;
         };
@@ -229,8 +231,8 @@ impl Stretches<'_> {
     }
 }
 
-impl<'a> Task<'a> {
-    fn new(member: u32, reader: &'a Reader<'a>, first: usize, buckets: &'a [u8]) -> Self {
+impl<'a> StretchTask<'a> {
+    fn new(member: u32, reader: &'a RunReader<'a>, first: usize, buckets: &'a [u8]) -> Self {
         let mut all = [0_u16; 256];
         buckets.iter().for_each(|&bucket| all[usize::from(bucket)] += 1);
         // Without the last one: not usable.
@@ -240,7 +242,7 @@ impl<'a> Task<'a> {
 }
 
 /// Ranks of all tasks in each bucket.
-fn bucket_counts(tasks: &[Task<'_>]) -> [u64; 256] {
+fn bucket_counts(tasks: &[StretchTask<'_>]) -> [u64; 256] {
     let mut all = [0; 256];
     tasks
         .iter()

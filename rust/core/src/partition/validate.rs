@@ -10,17 +10,17 @@ use super::cells::is_scattered;
 use super::chunk::Chunk;
 use super::chunk::SCATTERED;
 use super::cost::AssetCosts;
-use super::lattice::Lattice;
-use super::part::Job;
-use super::{ChunkInstance, OpenedAssembly, World};
-use crate::instancing::assembly::Member;
-use crate::instancing::assembly::{Assembly, InstanceRecord, Target};
-use crate::instancing::item::Key;
+use super::lattice::MortonLattice;
+use super::part::PartitionJob;
+use super::{ChunkInstance, OpenedAssembly, PartitionedWorld};
+use crate::instancing::assembly::AssemblyMember;
+use crate::instancing::assembly::{Assembly, InstanceRecord, InstanceTarget};
+use crate::instancing::item::ItemKey;
 use crate::instancing::validate::validate_record;
 use crate::mesh::SceneMesh;
 use crate::mesh::{Aabb, BvhError};
 
-/// A broken invariant of a [`World`]: always a bug of this crate.
+/// A broken invariant of a [`PartitionedWorld`]: always a bug of this crate.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum WorldError {
     /// A chunk is not what it should be.
@@ -56,18 +56,18 @@ pub enum WorldError {
 }
 
 /// One opened assembly under test.
-struct Check<'a> {
-    world: &'a World,
+struct PartitionCheck<'a> {
+    world: &'a PartitionedWorld,
     meshes: &'a [Arc<SceneMesh>],
     assemblies: &'a [Arc<Assembly>],
     part: OpenedAssembly,
-    job: Job<'a>,
-    lattice: Lattice,
+    job: PartitionJob<'a>,
+    lattice: MortonLattice,
     /// Number of each member by the address of its run; the runs of an assembly are all distinct.
     numbers: FxHashMap<usize, u32>,
 }
 
-impl World {
+impl PartitionedWorld {
     /// Checks that it is the partition of a snapshot with these meshes and assemblies: that every record of every
     /// opened assembly is in exactly one chunk, in Morton order, in canonical cells within the limits; that boxes hold
     /// what is in them, in f64; that chunk instances are the composed placements; and that the top level reaches each
@@ -89,7 +89,7 @@ impl World {
             }
             next += part.chunks;
             let assembly = &assemblies[part.assembly as usize];
-            let job = Job {
+            let job = PartitionJob {
                 assembly,
                 costs: &costs,
                 chunk_bytes: self.chunk_bytes,
@@ -98,7 +98,7 @@ impl World {
                 buckets: None,
             };
             let numbers = job.inside().map(|(number, m)| (address(m), number)).collect();
-            Check { world: self, meshes, assemblies, part, job, lattice: job.lattice(), numbers }.run()?;
+            PartitionCheck { world: self, meshes, assemblies, part, job, lattice: job.lattice(), numbers }.run()?;
             levels = job.inside().map(|(_, m)| 1 + depth(assemblies, m.target)).fold(levels, u32::max);
         }
         if next as usize != self.chunks.len() || opened.last() != Some(&true) {
@@ -142,7 +142,7 @@ impl World {
                 }
             }
             for member in assemblies[at].members() {
-                if let Target::Assembly(a) = member.target
+                if let InstanceTarget::Assembly(a) = member.target
                     && opened[a as usize]
                 {
                     let count = member.prototype_count();
@@ -158,10 +158,10 @@ impl World {
     }
 }
 
-impl Check<'_> {
+impl PartitionCheck<'_> {
     fn run(&self) -> Result<(), WorldError> {
         let range = self.part.first_chunk as usize..(self.part.first_chunk + self.part.chunks) as usize;
-        let mut last: Option<Key> = None;
+        let mut last: Option<ItemKey> = None;
         let mut records = 0;
         for at in range.clone() {
             let keys = self.chunk(at).map_err(|what| WorldError::Chunk { chunk: at, what })?;
@@ -181,7 +181,7 @@ impl Check<'_> {
     }
 
     /// Checks one chunk by itself; gives the places of its records in the order of the assembly.
-    fn chunk(&self, at: usize) -> Result<Vec<Key>, &'static str> {
+    fn chunk(&self, at: usize) -> Result<Vec<ItemKey>, &'static str> {
         let chunk = &self.world.chunks[at];
         let members = chunk.members();
         let mut records = vec![InstanceRecord::default(); chunk.len()];
@@ -208,7 +208,7 @@ impl Check<'_> {
                 return Err("the box does not hold a target");
             }
         }
-        let mut targets: Vec<Target> = targets.into_iter().collect();
+        let mut targets: Vec<InstanceTarget> = targets.into_iter().collect();
         targets.sort_unstable();
         if targets != chunk.targets() {
             return Err("the targets are not those of the records");
@@ -233,10 +233,10 @@ impl Check<'_> {
         Ok(keys)
     }
 
-    fn bounds_of(&self, target: Target) -> Option<Aabb> {
+    fn bounds_of(&self, target: InstanceTarget) -> Option<Aabb> {
         match target {
-            Target::Mesh(m) => self.meshes.get(m as usize).map(|m| m.bounds),
-            Target::Assembly(a) => self.assemblies.get(a as usize).map(|a| a.bounds()),
+            InstanceTarget::Mesh(m) => self.meshes.get(m as usize).map(|m| m.bounds),
+            InstanceTarget::Assembly(a) => self.assemblies.get(a as usize).map(|a| a.bounds()),
         }
     }
 
@@ -266,7 +266,7 @@ impl Check<'_> {
         let mut open = vec![chunks];
         while let Some(cell) = open.pop() {
             let (Some(first), Some(last)) = (cell.first(), cell.last()) else { continue };
-            let mut placed: FxHashMap<Target, u64> = FxHashMap::default();
+            let mut placed: FxHashMap<InstanceTarget, u64> = FxHashMap::default();
             for chunk in cell {
                 let members = chunk.members();
                 for at in 0..chunk.len() {
@@ -275,7 +275,7 @@ impl Check<'_> {
                 }
             }
             let records: usize = cell.iter().map(|c| c.len()).sum();
-            let placed: Vec<(Target, u64)> = placed.into_iter().collect();
+            let placed: Vec<(InstanceTarget, u64)> = placed.into_iter().collect();
             let must_cut = rule.must_cut(records as u64, &placed) || self.is_scattered(cell, records)?;
             if must_cut != (cell.len() > 1) {
                 return Err(if cell.len() > 1 { "a cell was cut without need" } else { "a chunk is too large" });
@@ -308,16 +308,16 @@ impl Check<'_> {
     }
 }
 
-fn address(member: &Member) -> usize {
+fn address(member: &AssemblyMember) -> usize {
     Arc::as_ptr(&member.run) as usize
 }
 
 /// Longest chain of records below a target.
-fn depth(assemblies: &[Arc<Assembly>], target: Target) -> u32 {
+fn depth(assemblies: &[Arc<Assembly>], target: InstanceTarget) -> u32 {
     let mut depths: Vec<u32> = Vec::with_capacity(assemblies.len());
-    let of = |depths: &[u32], target: Target| match target {
-        Target::Mesh(_) => 0,
-        Target::Assembly(a) => depths.get(a as usize).copied().unwrap_or(0),
+    let of = |depths: &[u32], target: InstanceTarget| match target {
+        InstanceTarget::Mesh(_) => 0,
+        InstanceTarget::Assembly(a) => depths.get(a as usize).copied().unwrap_or(0),
     };
     for assembly in assemblies {
         let placed = assembly.members().iter().filter(|m| m.run.len() > 0);

@@ -3,9 +3,9 @@
 //! next.
 
 use super::entry::UnitState;
-use super::planner::{LoadKind, Planner};
+use super::planner::{LoadKind, ResidencyPlanner};
 use super::policy::top;
-use super::step::{LoadOutcome, LoadPriority, PREFETCH_SHARE, Plan, for_each_nonzero};
+use super::step::{DemandPlan, LoadOutcome, LoadPriority, PREFETCH_SHARE, for_each_nonzero};
 use super::{UnitId, at};
 
 /// Bytes in flight up to which units come that hardly any ray waits for: some for each thread that loads, and no more,
@@ -16,10 +16,10 @@ const ROOMY: usize = 1024;
 /// Prefetches that are tried in a step.
 const PREFETCHES: usize = 256;
 
-impl Planner {
+impl ResidencyPlanner {
     /// Loads what is waited for at all, as far as it has room beside what there is: it will be asked for until it
     /// comes, at the latest by the last rays of a render, which have nothing else to do.
-    pub(super) fn fill_room(&mut self, plan: &mut Plan<'_>) {
+    pub(super) fn fill_room(&mut self, plan: &mut DemandPlan<'_>) {
         let limit = ROOMY_IN_FLIGHT.min(self.in_flight_limit(plan));
         if self.in_flight[LoadKind::Demanded as usize] >= limit {
             return;
@@ -40,7 +40,7 @@ impl Planner {
     }
 
     /// Loads what rays have further down their lists, when everything demanded is on its way.
-    pub(super) fn prefetch(&mut self, plan: &mut Plan<'_>) {
+    pub(super) fn prefetch(&mut self, plan: &mut DemandPlan<'_>) {
         if self.in_flight[LoadKind::Prefetch as usize] >= self.in_flight_limit(plan) / PREFETCH_SHARE {
             return;
         }
@@ -63,7 +63,7 @@ impl Planner {
 
     /// With all that is held now, demanded loads still find room for all that may be in flight and one unit more: in
     /// what is free and what only unpinned units hold.
-    pub(super) fn leaves_room(&self, plan: &Plan<'_>) -> bool {
+    pub(super) fn leaves_room(&self, plan: &DemandPlan<'_>) -> bool {
         let reserve = self.in_flight_limit(plan).saturating_add(self.largest);
         let mut missing = self.holdings.held().saturating_add(reserve).saturating_sub(self.allowance);
         let mut unpinned = self.residents.iter().filter(|&&unit| self.is_unpinned(unit));

@@ -6,7 +6,7 @@ use std::ops::Range;
 
 /// Bytes per asset and assets per unit (compressed rows). Every unit's own block is an asset of its own.
 #[derive(Clone, Debug, Default)]
-pub struct Catalog {
+pub struct UnitCatalog {
     bytes: Vec<u64>,
     starts: Vec<usize>,
     assets: Vec<AssetId>,
@@ -38,7 +38,7 @@ pub enum CatalogError {
     Overflow,
 }
 
-impl Catalog {
+impl UnitCatalog {
     /// `bytes[asset]`, and the assets of every unit in order; an asset named twice by a unit counts once.
     pub fn new<I>(bytes: Vec<u64>, units: I) -> Result<Self, CatalogError>
     where
@@ -177,10 +177,10 @@ mod tests {
     #[test]
     fn single_asset_units_form_catalog_rows() {
         let rows: [&[AssetId]; 3] = [&[0, 1], &[1], &[]];
-        let mut added = Catalog::new(vec![10, 20], rows).expect("sound");
+        let mut added = UnitCatalog::new(vec![10, 20], rows).expect("sound");
         added.push_singles(&[5, 0, 7]).expect("small");
         let whole: [&[AssetId]; 6] = [&[0, 1], &[1], &[], &[2], &[3], &[4]];
-        let named = Catalog::new(vec![10, 20, 5, 0, 7], whole).expect("sound");
+        let named = UnitCatalog::new(vec![10, 20, 5, 0, 7], whole).expect("sound");
         assert_eq!((added.unit_count(), added.asset_count(), added.total_bytes()), (6, 5, 42));
         for unit in 0..7 {
             assert_eq!(added.assets(unit), named.assets(unit), "unit {unit}");
@@ -194,7 +194,7 @@ mod tests {
 
     #[test]
     fn the_least_budget_holds_a_base_beside_another_unit_or_one_that_stands_alone() {
-        let catalog = || Catalog::new(vec![10, 20, 7, 40], [vec![0], vec![1], vec![2], vec![3]]).expect("sound");
+        let catalog = || UnitCatalog::new(vec![10, 20, 7, 40], [vec![0], vec![1], vec![2], vec![3]]).expect("sound");
         assert_eq!(catalog().largest(), ([Some(3), None], 40), "no pairs");
         let least = |bases: usize| catalog().with_bases(bases).largest();
         assert_eq!(least(0), ([None, Some(3)], 40), "no bases");
@@ -211,7 +211,7 @@ mod tests {
 
     #[test]
     fn too_many_single_units_are_refused_atomically() {
-        let mut catalog = Catalog::new(vec![u64::MAX - 10], [[0]]).expect("it fits");
+        let mut catalog = UnitCatalog::new(vec![u64::MAX - 10], [[0]]).expect("it fits");
         assert_eq!(catalog.push_singles(&[4, 7]), Err(CatalogError::Overflow));
         assert_eq!((catalog.unit_count(), catalog.asset_count()), (1, 1), "no asset was added");
         assert_eq!(catalog.total_bytes(), u64::MAX - 10, "nor its bytes");

@@ -16,7 +16,7 @@ pub enum UnitState {
 }
 
 #[derive(Clone, Debug, Default)]
-pub(super) struct Entry {
+pub(super) struct UnitEntry {
     pub(super) state: UnitState,
     /// Loads that completed.
     pub(super) loads: u32,
@@ -64,7 +64,7 @@ const FRACTIONS: [f32; HALF_LIFE_STEPS as usize] = [
     0.522_136_9,
 ];
 
-impl Entry {
+impl UnitEntry {
     /// Heat as of `step`.
     pub(super) fn heat_at(&self, step: u32) -> f32 {
         let age = step.wrapping_sub(self.used);

@@ -4,10 +4,10 @@
 //! Also keeps, per unit, the bytes that only it holds (what its eviction would free) at constant cost per change: each
 //! asset remembers the exclusive-or of its holders' ids, which is the holder's id when there is one.
 
-use super::{AssetId, Catalog, UnitId};
+use super::{AssetId, UnitCatalog, UnitId};
 
 #[derive(Clone, Debug, Default)]
-struct Asset {
+struct HeldAsset {
     holders: u32,
     holder_xor: u32,
     in_flight: bool,
@@ -15,16 +15,16 @@ struct Asset {
 }
 
 #[derive(Clone, Debug)]
-pub(super) struct Holdings {
-    assets: Vec<Asset>,
+pub(super) struct AssetHoldings {
+    assets: Vec<HeldAsset>,
     exclusive: Vec<u64>,
     held: u64,
 }
 
-impl Holdings {
-    pub(super) fn new(catalog: &Catalog) -> Self {
+impl AssetHoldings {
+    pub(super) fn new(catalog: &UnitCatalog) -> Self {
         Self {
-            assets: vec![Asset::default(); catalog.asset_count()],
+            assets: vec![HeldAsset::default(); catalog.asset_count()],
             exclusive: vec![0; catalog.unit_count()],
             held: 0,
         }
@@ -45,7 +45,7 @@ impl Holdings {
     }
 
     /// Bytes the unit would add, `None` while one of its assets is on its way for another unit.
-    pub(super) fn missing(&self, catalog: &Catalog, unit: UnitId) -> Option<u64> {
+    pub(super) fn missing(&self, catalog: &UnitCatalog, unit: UnitId) -> Option<u64> {
         let mut bytes = 0;
         for &id in catalog.assets(unit) {
             let asset = &self.assets[id as usize];
@@ -60,7 +60,7 @@ impl Holdings {
     }
 
     /// The unit becomes a holder of all its assets; `new` gets those nobody held. Not for a unit that holds them.
-    pub(super) fn acquire(&mut self, catalog: &Catalog, unit: UnitId, new: &mut Vec<AssetId>) {
+    pub(super) fn acquire(&mut self, catalog: &UnitCatalog, unit: UnitId, new: &mut Vec<AssetId>) {
         for &id in catalog.assets(unit) {
             let bytes = catalog.bytes(id);
             let asset = &mut self.assets[id as usize];
@@ -79,7 +79,7 @@ impl Holdings {
     }
 
     /// Undoes [`Self::acquire`]; `freed` gets the assets nobody holds any more.
-    pub(super) fn release(&mut self, catalog: &Catalog, unit: UnitId, freed: &mut Vec<AssetId>) {
+    pub(super) fn release(&mut self, catalog: &UnitCatalog, unit: UnitId, freed: &mut Vec<AssetId>) {
         for &id in catalog.assets(unit) {
             let bytes = catalog.bytes(id);
             let asset = &mut self.assets[id as usize];
@@ -104,7 +104,7 @@ impl Holdings {
     }
 
     /// The assets are on the device now; returns the bytes of those that had been there before.
-    pub(super) fn arrived(&mut self, catalog: &Catalog, assets: &[AssetId]) -> u64 {
+    pub(super) fn arrived(&mut self, catalog: &UnitCatalog, assets: &[AssetId]) -> u64 {
         let mut again = 0;
         for &id in assets {
             let asset = &mut self.assets[id as usize];

@@ -4,17 +4,17 @@
 
 use super::UnitId;
 use super::entry::UnitState;
-use super::planner::Planner;
+use super::planner::ResidencyPlanner;
 use super::policy::top;
-use super::step::Plan;
+use super::step::DemandPlan;
 
 /// Units that are tried in a step; bytes in flight bound them too.
 const CANDIDATES: usize = 4096;
 
-impl Planner {
+impl ResidencyPlanner {
     /// Loads mapped units by the policy's measure of their visits: as far as they are worth more than what goes, and
     /// where nothing has to go, whatever is visited at all.
-    pub(super) fn load_mapped(&mut self, plan: &mut Plan<'_>) {
+    pub(super) fn load_mapped(&mut self, plan: &mut DemandPlan<'_>) {
         // The bus is for what rays wait for, and the few that still go on read little.
         if plan.is_idle() || plan.demand.keep_below > 0 {
             return;

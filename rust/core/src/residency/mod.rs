@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Decides which units live on the device.
 //!
-//! Pure: [`Planner::step`] takes what the rays ask for and returns commands; it performs none of them. No clock (time
-//! is the number of steps), no thread, no I/O; equal calls give equal commands.
+//! Pure: [`ResidencyPlanner::step`] takes what the rays ask for and returns commands; it performs none of them. No
+//! clock (time is the number of steps), no thread, no I/O; equal calls give equal commands.
 //!
 //! States of a unit: `Absent -> Requested -> Loading -> Resident -> Absent`. An eviction is one command, after which
 //! the planner holds the unit no more: the caller takes it out of the unit table of its next submission and frees the
@@ -10,13 +10,13 @@
 //!
 //! Guarantees, for every policy:
 //! - The bytes of all assets of units that are loading or resident never exceed the budget, at any place in the
-//!   command list. (After [`Planner::set_budget`] to less than is held: from the next step on, loads in flight
+//!   command list. (After [`ResidencyPlanner::set_budget`] to less than is held: from the next step on, loads in flight
 //!   excepted.)
 //! - A load lists all its unit still needs; it relies on no other load in flight.
 //! - A unit is not evicted before [`PlannerOptions::pin_steps`] steps have seen it usable.
 //! - No starvation: a unit with waiting rays is loaded after at most a bounded number of loads and steps, also when
-//!   the budget holds a single unit. Where rays need a base of the catalog with it ([`Demand::partners`]), the two are
-//!   usable together for as many steps, also when the budget holds no more than the two.
+//!   the budget holds a single unit. Where rays need a base of the catalog with it ([`RayDemand::partners`]), the two
+//!   are usable together for as many steps, also when the budget holds no more than the two.
 //! - Prefetches take no room from a unit with waiting rays and keep room for the largest unit free of themselves.
 //!
 //! Units: bytes, rays, steps. Called by one thread. Sources: GPU-Motunui's loop over partitions (`sweep`), the schedule
@@ -31,27 +31,26 @@ mod pairs;
 mod planner;
 pub mod policy;
 pub mod roulette;
-pub mod simulate;
 mod stats;
 mod step;
 mod victims;
 
-pub use catalog::{Catalog, CatalogError};
+pub use catalog::{CatalogError, UnitCatalog};
 pub use entry::UnitState;
-pub use planner::{PlanError, Planner, PlannerOptions};
-pub use policy::{Policy, PolicyKind, UnknownPolicy, View};
+pub use planner::{PlanError, PlannerOptions, ResidencyPlanner};
+pub use policy::{LoadPolicy, PolicyKind, PolicyView, UnknownPolicy};
 pub use stats::ResidencyStats;
-pub use step::Proposal;
+pub use step::LoadProposal;
 
-/// Index of an asset in the [`Catalog`].
+/// Index of an asset in the [`UnitCatalog`].
 pub type AssetId = u32;
 
-/// Index of a unit in the [`Catalog`].
+/// Index of a unit in the [`UnitCatalog`].
 pub type UnitId = u32;
 
 /// What the rays ask for, per unit. Slices shorter than the catalog read as 0 past their end.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Demand<'a> {
+pub struct RayDemand<'a> {
     /// Rays that wait for this unit first.
     pub waiting: &'a [u32],
     /// Rays that wait for another unit first and have this one further down their list.
@@ -76,8 +75,8 @@ pub struct Demand<'a> {
 
 /// What the caller is to do, in the order of the list.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Command {
-    /// Bring `assets` to the device, then say [`Planner::loaded`] or [`Planner::failed`].
+pub enum ResidencyCommand {
+    /// Bring `assets` to the device, then say [`ResidencyPlanner::loaded`] or [`ResidencyPlanner::failed`].
     Load {
         /// The unit that becomes usable.
         unit: UnitId,

@@ -3,13 +3,13 @@
 //! usable: so while one is loaded, the other one stays, and both stay until steps have seen them together.
 
 use super::entry::UnitState;
-use super::planner::Planner;
-use super::step::{LoadOutcome, LoadPriority, Plan};
-use super::{Demand, UnitId, at};
+use super::planner::ResidencyPlanner;
+use super::step::{DemandPlan, LoadOutcome, LoadPriority};
+use super::{RayDemand, UnitId, at};
 
-impl Planner {
+impl ResidencyPlanner {
     /// What rays that wait for a unit need with it.
-    pub(super) fn partner(&self, demand: &Demand<'_>, unit: UnitId) -> Option<UnitId> {
+    pub(super) fn partner(&self, demand: &RayDemand<'_>, unit: UnitId) -> Option<UnitId> {
         let partner = at(demand.partners, unit).checked_sub(1)?;
         ((partner as usize) < self.entries.len() && partner != unit).then_some(partner)
     }
@@ -30,7 +30,7 @@ impl Planner {
     }
 
     /// Begins to load a unit, beside what rays need with it.
-    pub(super) fn try_load(&mut self, plan: &mut Plan<'_>, unit: UnitId, press: LoadPriority) -> LoadOutcome {
+    pub(super) fn try_load(&mut self, plan: &mut DemandPlan<'_>, unit: UnitId, press: LoadPriority) -> LoadOutcome {
         let partner = self.partner(&plan.demand, unit).filter(|partner| self.is_held(*partner));
         let partner = partner.filter(|_| !matches!(press, LoadPriority::Ahead(_)));
         partner.into_iter().for_each(|partner| self.hold(partner));
@@ -64,7 +64,7 @@ impl Planner {
     }
 
     /// Loads a unit that starves, with its partner if that is gone. `false` when one of them has to wait for room.
-    pub(super) fn load_with_partner(&mut self, plan: &mut Plan<'_>, unit: UnitId) -> bool {
+    pub(super) fn load_with_partner(&mut self, plan: &mut DemandPlan<'_>, unit: UnitId) -> bool {
         let is_mapped = |unit: &UnitId| plan.demand.mapped.get(*unit as usize) == Some(&true);
         let partner = self.partner(&plan.demand, unit).filter(|unit| !self.is_held(*unit) && !is_mapped(unit));
         let Some(partner) = partner else {
@@ -77,7 +77,7 @@ impl Planner {
 
     /// Goes on with two units that starve together. `false` when one of them has to wait for room: then nothing else is
     /// loaded, so that the room comes, and the other one stays meanwhile. Without that, each could go for the other.
-    pub(super) fn pay_owed(&mut self, plan: &mut Plan<'_>) -> bool {
+    pub(super) fn pay_owed(&mut self, plan: &mut DemandPlan<'_>) -> bool {
         let Some(pair) = self.owed else { return true };
         for (unit, other) in [(pair[0], pair[1]), (pair[1], pair[0])] {
             if self.is_held(unit) {

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The planner's public face: making it, what the caller reports, what it may ask. Planning itself is in `step`.
 
-use super::entry::{Entry, UnitState};
-use super::holdings::Holdings;
-use super::policy::{Policy, PolicyKind};
-use super::{AssetId, Catalog, Command, ResidencyStats, UnitId};
+use super::entry::{UnitEntry, UnitState};
+use super::holdings::AssetHoldings;
+use super::policy::{LoadPolicy, PolicyKind};
+use super::{AssetId, ResidencyCommand, ResidencyStats, UnitCatalog, UnitId};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -40,7 +40,7 @@ pub struct PlannerOptions {
 
 /// A load that is under way.
 #[derive(Clone, Debug)]
-pub(super) struct Load {
+pub(super) struct UnitLoad {
     pub(super) unit: UnitId,
     pub(super) assets: Vec<AssetId>,
     pub(super) bytes: u64,
@@ -56,9 +56,9 @@ pub(super) enum LoadKind {
 
 /// Decides which units live on the device; see the module's documentation.
 #[derive(Debug)]
-pub struct Planner {
-    pub(super) catalog: Arc<Catalog>,
-    pub(super) policy: Box<dyn Policy>,
+pub struct ResidencyPlanner {
+    pub(super) catalog: Arc<UnitCatalog>,
+    pub(super) policy: Box<dyn LoadPolicy>,
     pub(super) options: PlannerOptions,
     pub(super) budget: u64,
     /// What loads may fill: the budget, or less for a while after a failed load.
@@ -66,16 +66,16 @@ pub struct Planner {
     pub(super) largest: u64,
     /// Bytes of tiles of textures that are held.
     tile_bytes: u64,
-    pub(super) entries: Vec<Entry>,
-    pub(super) holdings: Holdings,
+    pub(super) entries: Vec<UnitEntry>,
+    pub(super) holdings: AssetHoldings,
     pub(super) residents: Vec<UnitId>,
-    pub(super) loading: BTreeMap<UnitId, Load>,
+    pub(super) loading: BTreeMap<UnitId, UnitLoad>,
     /// Units that stay until rays could use them together.
     pub(super) pairs: Vec<[UnitId; 2]>,
     /// Two that starve together, of which one has no room yet.
     pub(super) owed: Option<[UnitId; 2]>,
     /// Evictions that the next step has to say first: what failed loads held of what was there.
-    pub(super) dropped: Vec<Command>,
+    pub(super) dropped: Vec<ResidencyCommand>,
     pub(super) stats: ResidencyStats,
     pub(super) step: u32,
     pub(super) loads_begun: u32,
@@ -85,17 +85,17 @@ pub struct Planner {
     pub(super) hand: usize,
 }
 
-impl Planner {
+impl ResidencyPlanner {
     /// Nothing is resident. An error when what rays need at once does not fit the budget.
-    pub fn new(catalog: Arc<Catalog>, budget: u64, kind: PolicyKind) -> Result<Self, PlanError> {
+    pub fn new(catalog: Arc<UnitCatalog>, budget: u64, kind: PolicyKind) -> Result<Self, PlanError> {
         Self::with_policy(catalog, budget, kind.policy(), PlannerOptions::default())
     }
 
     /// As [`Self::new`], with a policy in any state and options.
     pub fn with_policy(
-        catalog: Arc<Catalog>,
+        catalog: Arc<UnitCatalog>,
         budget: u64,
-        policy: Box<dyn Policy>,
+        policy: Box<dyn LoadPolicy>,
         options: PlannerOptions,
     ) -> Result<Self, PlanError> {
         let largest = check_budget(&catalog, budget)?;
@@ -106,8 +106,8 @@ impl Planner {
             allowance: budget,
             largest,
             tile_bytes: 0,
-            entries: vec![Entry::default(); catalog.unit_count()],
-            holdings: Holdings::new(&catalog),
+            entries: vec![UnitEntry::default(); catalog.unit_count()],
+            holdings: AssetHoldings::new(&catalog),
             residents: Vec::new(),
             loading: BTreeMap::new(),
             pairs: Vec::new(),
@@ -174,7 +174,7 @@ impl Planner {
         self.count_tile_gone(unit);
         freed.retain(|asset| load.assets.binary_search(asset).is_err());
         if !freed.is_empty() {
-            self.dropped.push(Command::Evict { unit, assets: freed });
+            self.dropped.push(ResidencyCommand::Evict { unit, assets: freed });
         }
         self.stats.failed_loads += 1;
         self.stats.failures_in_a_row += 1;
@@ -201,7 +201,7 @@ impl Planner {
     }
 
     /// The catalog.
-    pub fn catalog(&self) -> &Arc<Catalog> {
+    pub fn catalog(&self) -> &Arc<UnitCatalog> {
         &self.catalog
     }
 
@@ -288,7 +288,7 @@ impl Planner {
         self.stats.resident_units = self.residents.len() as u64;
     }
 
-    fn take_load(&mut self, unit: UnitId) -> Option<Load> {
+    fn take_load(&mut self, unit: UnitId) -> Option<UnitLoad> {
         let load = self.loading.remove(&unit)?;
         let bytes = &mut self.in_flight[load.kind as usize];
         *bytes -= load.bytes;
@@ -319,7 +319,7 @@ const RECOVERY: u64 = 128;
 const MAX_PAUSE_LOG2: u64 = 4;
 
 /// Bytes of the largest units that rays need at once, if they fit.
-fn check_budget(catalog: &Catalog, budget: u64) -> Result<u64, PlanError> {
+fn check_budget(catalog: &UnitCatalog, budget: u64) -> Result<u64, PlanError> {
     let (units, bytes) = catalog.largest();
     if bytes <= budget {
         return Ok(bytes);

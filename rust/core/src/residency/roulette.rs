@@ -55,7 +55,7 @@ const DIMENSION: u32 = 0x0005_eed0;
 
 /// What the picture costs, as far as it is known.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Prices {
+pub struct LoadPrices {
     /// Seconds that the picture is done sooner for each byte that is not loaded.
     pub secs_per_byte: f64,
     /// Seconds of a path, with all its share of loads.
@@ -68,7 +68,7 @@ pub struct Prices {
 
 /// What is at stake with a load.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Stakes {
+pub struct LoadStakes {
     /// The unit.
     pub unit: UnitId,
     /// Bytes to load.
@@ -82,7 +82,7 @@ pub struct Stakes {
 
 /// What becomes of the rays that wait for a unit.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Verdict {
+pub struct RouletteVerdict {
     /// The unit.
     pub unit: UnitId,
     /// How often they count from now on; 0: they end.
@@ -90,7 +90,7 @@ pub struct Verdict {
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-enum State {
+enum RouletteState {
     #[default]
     Open,
     /// Its rays are weighted by this step.
@@ -101,9 +101,9 @@ enum State {
 
 /// See the module.
 #[derive(Debug)]
-pub struct Roulette {
+pub struct LoadRoulette {
     seed: u32,
-    states: Vec<State>,
+    states: Vec<RouletteState>,
     draws: Vec<u32>,
     /// Variance spent on each unit since its last load, and in all.
     lost: Vec<f64>,
@@ -112,18 +112,18 @@ pub struct Roulette {
     pub spent: f64,
     /// Units that are not open.
     judged: Vec<UnitId>,
-    verdicts: Vec<Verdict>,
+    verdicts: Vec<RouletteVerdict>,
     /// Loads that nobody waits for any more.
     pub loads_saved: u64,
 }
 
-impl Roulette {
+impl LoadRoulette {
     /// For so many units.
     #[must_use]
     pub fn new(seed: u32, units: usize) -> Self {
         Self {
             seed,
-            states: vec![State::Open; units],
+            states: vec![RouletteState::Open; units],
             draws: vec![0; units],
             lost: vec![0.0; units],
             spent: 0.0,
@@ -138,12 +138,12 @@ impl Roulette {
         let states = &mut self.states;
         self.judged.retain(|&unit| {
             let is_over = match states[unit as usize] {
-                State::Open => true,
-                State::Approved(step) => seen >= step && (is_resident(unit) || super::at(waiting, unit) == 0),
-                State::Ending(step) => seen >= step,
+                RouletteState::Open => true,
+                RouletteState::Approved(step) => seen >= step && (is_resident(unit) || super::at(waiting, unit) == 0),
+                RouletteState::Ending(step) => seen >= step,
             };
             if is_over {
-                states[unit as usize] = State::Open;
+                states[unit as usize] = RouletteState::Open;
             }
             !is_over
         });
@@ -151,15 +151,15 @@ impl Roulette {
 
     /// Whether the unit may be loaded; draws if it was not decided. What has to become of rays is in
     /// [`Self::take_verdicts`], to be done in step `step` at the latest, and before the unit is shown.
-    pub fn judge(&mut self, stakes: &Stakes, prices: &Prices, step: u64) -> bool {
+    pub fn judge(&mut self, stakes: &LoadStakes, prices: &LoadPrices, step: u64) -> bool {
         self.judge_by(stakes, step, |lost, spent| probability(stakes, prices, lost, spent))
     }
 
     /// As [`Self::judge`], where `p` gives the probability for the variance spent on the unit and in all.
-    pub fn judge_by(&mut self, stakes: &Stakes, step: u64, p: impl FnOnce(f64, f64) -> f64) -> bool {
+    pub fn judge_by(&mut self, stakes: &LoadStakes, step: u64, p: impl FnOnce(f64, f64) -> f64) -> bool {
         let Some(state) = self.states.get_mut(stakes.unit as usize) else { return true };
-        if *state != State::Open {
-            return matches!(*state, State::Approved(_));
+        if *state != RouletteState::Open {
+            return matches!(*state, RouletteState::Approved(_));
         }
         let lost = self.lost.get_mut(stakes.unit as usize);
         let p = p(lost.as_deref().map_or(0.0, |lost| *lost), self.spent);
@@ -170,19 +170,19 @@ impl Roulette {
         if let Some(lost) = lost {
             *lost = if is_approved { 0.0 } else { *lost + (1.0 / p - 1.0) * stakes.worth };
         }
-        *state = if is_approved { State::Approved(step) } else { State::Ending(step) };
+        *state = if is_approved { RouletteState::Approved(step) } else { RouletteState::Ending(step) };
         self.judged.push(stakes.unit);
         self.loads_saved += u64::from(!is_approved);
         if p < 1.0 {
             #[expect(clippy::cast_possible_truncation, reason = "1 to 16")]
             let weight = if is_approved { (1.0 / p) as f32 } else { 0.0 };
-            self.verdicts.push(Verdict { unit: stakes.unit, weight });
+            self.verdicts.push(RouletteVerdict { unit: stakes.unit, weight });
         }
         is_approved
     }
 
     /// What was decided since the last call.
-    pub fn take_verdicts(&mut self) -> Vec<Verdict> {
+    pub fn take_verdicts(&mut self) -> Vec<RouletteVerdict> {
         std::mem::take(&mut self.verdicts)
     }
 
@@ -196,7 +196,7 @@ impl Roulette {
 /// The probability of a load, [`LEAST`] to [`MOST`] or 1, where `lost` and `spent` was spent on its unit and in all; 1
 /// where something is not known.
 #[must_use]
-pub fn probability(stakes: &Stakes, prices: &Prices, lost: f64, spent: f64) -> f64 {
+pub fn probability(stakes: &LoadStakes, prices: &LoadPrices, lost: f64, spent: f64) -> f64 {
     #[expect(clippy::cast_precision_loss, reason = "an estimate")]
     let cost = stakes.bytes as f64 * prices.secs_per_byte * stakes.share;
     let in_paths = cost / prices.secs_per_path;
@@ -227,10 +227,10 @@ fn draw(seed: u32, unit: UnitId, draws: &mut [u32]) -> f64 {
 mod tests {
     use super::*;
 
-    const PRICES: Prices = Prices { secs_per_byte: 1e-9, secs_per_path: 1e-6, variance: 0.1, paths: 1e9 };
+    const PRICES: LoadPrices = LoadPrices { secs_per_byte: 1e-9, secs_per_path: 1e-6, variance: 0.1, paths: 1e9 };
 
-    fn stakes(unit: UnitId, worth: f64) -> Stakes {
-        Stakes { unit, bytes: 1_000_000, worth, share: 1.0 }
+    fn stakes(unit: UnitId, worth: f64) -> LoadStakes {
+        LoadStakes { unit, bytes: 1_000_000, worth, share: 1.0 }
     }
 
     #[test]
@@ -240,15 +240,15 @@ mod tests {
         assert!((p(8.0) - 0.4).abs() < 1e-12, "0.28 would be best, but care is taken: {}", p(8.0));
         assert!((p(12.5) - 0.5).abs() < 1e-12 && (p(12.6) - 1.0).abs() < 1e-12, "{} {}", p(12.5), p(12.6));
         assert!((p(1e-9) - LEAST).abs() < 1e-12 && (p(0.0) - LEAST).abs() < 1e-12, "never below the least");
-        let shared = Stakes { share: 0.25, ..stakes(0, 2.0) };
+        let shared = LoadStakes { share: 0.25, ..stakes(0, 2.0) };
         assert!((probability(&shared, &PRICES, 0.0, 0.0) - 0.4).abs() < 1e-12, "others need it too");
         let unknown = [
-            Prices { secs_per_byte: 0.0, ..PRICES },
-            Prices { secs_per_byte: f64::INFINITY, ..PRICES },
-            Prices { secs_per_byte: f64::NAN, ..PRICES },
-            Prices { secs_per_path: f64::INFINITY, ..PRICES },
-            Prices { variance: 0.0, ..PRICES },
-            Prices { variance: f64::NAN, ..PRICES },
+            LoadPrices { secs_per_byte: 0.0, ..PRICES },
+            LoadPrices { secs_per_byte: f64::INFINITY, ..PRICES },
+            LoadPrices { secs_per_byte: f64::NAN, ..PRICES },
+            LoadPrices { secs_per_path: f64::INFINITY, ..PRICES },
+            LoadPrices { variance: 0.0, ..PRICES },
+            LoadPrices { variance: f64::NAN, ..PRICES },
         ];
         for prices in unknown {
             let p = probability(&stakes(0, 0.0), &prices, 0.0, 0.0);
@@ -275,8 +275,8 @@ mod tests {
     #[test]
     fn roulette_variance_stays_within_the_allowance() {
         // Its own variance is 2000, of which 250 may be spent: 31 times 2 (1 / 0.2 - 1), and once the 2 that are left.
-        let prices = Prices { paths: 20_000.0, ..PRICES };
-        let mut roulette = Roulette::new(3, 1000);
+        let prices = LoadPrices { paths: 20_000.0, ..PRICES };
+        let mut roulette = LoadRoulette::new(3, 1000);
         let agreed = (0..1000).filter(|&unit| roulette.judge(&stakes(unit, 2.0), &prices, 1)).count();
         assert_eq!(roulette.take_verdicts().len(), 32, "then all are loaded");
         assert!((968..990).contains(&agreed) && (roulette.spent - 250.0).abs() < 1e-6, "{agreed}, {}", roulette.spent);
@@ -286,7 +286,7 @@ mod tests {
     fn a_unit_demanded_repeatedly_is_loaded() {
         // Each time 2 (1 / 0.2 - 1) = 8 is lost of 25.
         let plays = |seed| {
-            let mut roulette = Roulette::new(seed, 1);
+            let mut roulette = LoadRoulette::new(seed, 1);
             for step in 1..1000 {
                 if roulette.judge(&stakes(0, 2.0), &PRICES, step) {
                     return step;
@@ -303,7 +303,7 @@ mod tests {
     #[test]
     fn survivor_weights_are_unbiased() {
         let units = 20_000;
-        let mut roulette = Roulette::new(3, units);
+        let mut roulette = LoadRoulette::new(3, units);
         let agreed = (0..20_000).filter(|&unit| roulette.judge(&stakes(unit, 2.0), &PRICES, 1)).count();
         let verdicts = roulette.take_verdicts();
         let sum: f64 = verdicts.iter().map(|verdict| f64::from(verdict.weight)).sum();
@@ -316,7 +316,7 @@ mod tests {
 
     #[test]
     fn a_verdict_holds_until_the_unit_was_resident() {
-        let mut roulette = Roulette::new(1, 4);
+        let mut roulette = LoadRoulette::new(1, 4);
         assert!(roulette.judge(&stakes(2, f64::INFINITY), &PRICES, 5), "worth it");
         assert!(roulette.judge(&stakes(2, 0.0), &PRICES, 6) && !roulette.has_verdicts(), "paid for");
         roulette.observe(6, &[0, 0, 1], |_| false);

@@ -4,10 +4,10 @@
 //! say what was asked for, then the units with demand, the resident units when room is needed.
 
 use super::entry::UnitState;
-use super::planner::{Load, LoadKind, Planner};
-use super::policy::View;
-use super::victims::{Victim, Victims};
-use super::{AssetId, Command, Demand, UnitId, at};
+use super::planner::{LoadKind, ResidencyPlanner, UnitLoad};
+use super::policy::PolicyView;
+use super::victims::{EvictionHeap, EvictionVictim};
+use super::{AssetId, RayDemand, ResidencyCommand, UnitId, at};
 
 /// Candidates a policy is asked for in a step.
 const CANDIDATES: usize = 256;
@@ -42,13 +42,13 @@ pub(super) enum LoadOutcome {
     Full,
     /// An asset is on its way for another unit.
     Shared,
-    /// The caller of [`Planner::step_if`] does not want it.
+    /// The caller of [`ResidencyPlanner::step_if`] does not want it.
     Refused,
 }
 
 /// A load that the planner is about to begin because rays wait for the unit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Proposal {
+pub struct LoadProposal {
     /// The unit.
     pub unit: UnitId,
     /// Bytes that the device does not hold.
@@ -69,36 +69,47 @@ pub(super) enum LoadPriority {
 }
 
 /// The demand of a step and what was made of it so far.
-pub(super) struct Plan<'a> {
-    pub(super) demand: Demand<'a>,
+pub(super) struct DemandPlan<'a> {
+    pub(super) demand: RayDemand<'a>,
     pub(super) demanded: Vec<UnitId>,
     rays_waiting: u64,
-    victims: Option<Victims>,
-    commands: Vec<Command>,
+    victims: Option<EvictionHeap>,
+    commands: Vec<ResidencyCommand>,
     issued: usize,
-    agrees: &'a mut dyn FnMut(&Proposal) -> bool,
+    agrees: &'a mut dyn FnMut(&LoadProposal) -> bool,
 }
 
-impl Plan<'_> {
+impl DemandPlan<'_> {
     /// Nearly all rays wait.
     pub(super) fn is_idle(&self) -> bool {
         self.demand.active.saturating_mul(IDLE_RATIO) < self.rays_waiting
     }
 }
 
-impl Planner {
+impl ResidencyPlanner {
     /// Plans one step. Perform the commands in order; see the module's documentation for when memory may be freed.
-    pub fn step(&mut self, demand: &Demand<'_>) -> Vec<Command> {
+    pub fn step(&mut self, demand: &RayDemand<'_>) -> Vec<ResidencyCommand> {
         self.step_if(demand, &mut |_| true)
     }
 
     /// As [`Self::step`], but begins only such loads of demanded units as `agrees` agrees to; another step asks again.
-    pub fn step_if(&mut self, demand: &Demand<'_>, agrees: &mut dyn FnMut(&Proposal) -> bool) -> Vec<Command> {
+    pub fn step_if(
+        &mut self,
+        demand: &RayDemand<'_>,
+        agrees: &mut dyn FnMut(&LoadProposal) -> bool,
+    ) -> Vec<ResidencyCommand> {
         self.step = self.step.wrapping_add(1);
         self.stats.steps += 1;
         let commands = std::mem::take(&mut self.dropped);
-        let mut plan =
-            Plan { demand: *demand, demanded: Vec::new(), rays_waiting: 0, victims: None, commands, issued: 0, agrees };
+        let mut plan = DemandPlan {
+            demand: *demand,
+            demanded: Vec::new(),
+            rays_waiting: 0,
+            victims: None,
+            commands,
+            issued: 0,
+            agrees,
+        };
         self.observe(&mut plan);
         self.shrink(&mut plan);
         self.settle_pairs();
@@ -112,7 +123,7 @@ impl Planner {
     }
 
     /// Ages and heats what is demanded, and lists what could be loaded.
-    fn observe(&mut self, plan: &mut Plan<'_>) {
+    fn observe(&mut self, plan: &mut DemandPlan<'_>) {
         let (step, loads) = (self.step, self.loads_begun);
         for_each_nonzero(None, plan.demand.visits, self.entries.len(), |unit, rays| {
             let is_mapped = plan.demand.mapped.get(unit as usize) == Some(&true);
@@ -140,10 +151,10 @@ impl Planner {
     }
 
     /// Evicts down to a budget that was lowered.
-    fn shrink(&mut self, plan: &mut Plan<'_>) {
+    fn shrink(&mut self, plan: &mut DemandPlan<'_>) {
         while self.holdings.held() > self.budget {
             self.find_victims(plan);
-            let unpinned = plan.victims.as_mut().and_then(Victims::pop).map(|victim| victim.unit);
+            let unpinned = plan.victims.as_mut().and_then(EvictionHeap::pop).map(|victim| victim.unit);
             let Some(unit) = unpinned.or_else(|| self.residents.first().copied()) else { break };
             let command = self.evict(unit);
             plan.commands.push(command);
@@ -152,7 +163,7 @@ impl Planner {
 
     /// Loads what waited out of all proportion, oldest first. `false` when one of them has to wait for room: then
     /// nothing else is loaded, so that the room comes.
-    fn load_starving(&mut self, plan: &mut Plan<'_>) -> bool {
+    fn load_starving(&mut self, plan: &mut DemandPlan<'_>) -> bool {
         let demanded = u32::try_from(plan.demanded.len()).unwrap_or(u32::MAX);
         let limit = demanded.saturating_mul(PATIENCE).saturating_add(PATIENCE_MIN);
         let waited = |unit: UnitId| {
@@ -178,8 +189,8 @@ impl Planner {
         true
     }
 
-    fn load_demanded(&mut self, plan: &mut Plan<'_>) {
-        let view = View {
+    fn load_demanded(&mut self, plan: &mut DemandPlan<'_>) {
+        let view = PolicyView {
             catalog: &self.catalog,
             demand: plan.demand,
             entries: &self.entries,
@@ -199,14 +210,14 @@ impl Planner {
             }
         }
         // What was evicted now may have been waited for.
-        let evicted = plan.commands.iter().any(|command| matches!(command, Command::Evict { .. }));
+        let evicted = plan.commands.iter().any(|command| matches!(command, ResidencyCommand::Evict { .. }));
         if refusals == 0 && !evicted && plan.issued == plan.demanded.len() {
             self.prefetch(plan);
         }
     }
 
     /// Loads units, in this order, where each is worth more than what goes for it; how many found no room.
-    pub(super) fn try_each(&mut self, plan: &mut Plan<'_>, candidates: &[(f64, UnitId)]) -> usize {
+    pub(super) fn try_each(&mut self, plan: &mut DemandPlan<'_>, candidates: &[(f64, UnitId)]) -> usize {
         let mut refusals = 0;
         for &(value, unit) in candidates {
             match self.try_load(plan, unit, LoadPriority::Worth(value)) {
@@ -225,7 +236,7 @@ impl Planner {
     /// in one piece then.
     pub(super) fn try_load_beside(
         &mut self,
-        plan: &mut Plan<'_>,
+        plan: &mut DemandPlan<'_>,
         unit: UnitId,
         other: Option<UnitId>,
         press: LoadPriority,
@@ -247,7 +258,7 @@ impl Planner {
                 return LoadOutcome::NoRoom;
             }
         }
-        let proposal = Proposal { unit, bytes: missing, is_idle: plan.is_idle() };
+        let proposal = LoadProposal { unit, bytes: missing, is_idle: plan.is_idle() };
         if kind == LoadKind::Demanded && !(plan.agrees)(&proposal) {
             return LoadOutcome::Refused;
         }
@@ -260,20 +271,20 @@ impl Planner {
         };
         for (victim, freed) in victims {
             self.forget(victim.unit);
-            plan.commands.push(Command::Evict { unit: victim.unit, assets: freed });
+            plan.commands.push(ResidencyCommand::Evict { unit: victim.unit, assets: freed });
         }
-        self.issue(plan, Load { unit, assets, bytes: missing, kind });
+        self.issue(plan, UnitLoad { unit, assets, bytes: missing, kind });
         LoadOutcome::Issued
     }
 
     /// Releases victims until no more is held than `allowance`; releases nothing when that cannot be.
     fn make_room(
         &mut self,
-        plan: &mut Plan<'_>,
+        plan: &mut DemandPlan<'_>,
         press: LoadPriority,
         allowance: u64,
-    ) -> Option<Vec<(Victim, Vec<AssetId>)>> {
-        let mut gone: Vec<(Victim, Vec<AssetId>)> = Vec::new();
+    ) -> Option<Vec<(EvictionVictim, Vec<AssetId>)>> {
+        let mut gone: Vec<(EvictionVictim, Vec<AssetId>)> = Vec::new();
         while self.holdings.held() > allowance {
             let next = self.first_victim(plan);
             let Some(victim) = next.filter(|&victim| self.may_displace(plan, press, victim)) else {
@@ -294,7 +305,7 @@ impl Planner {
         Some(gone)
     }
 
-    fn may_displace(&self, plan: &Plan<'_>, press: LoadPriority, victim: Victim) -> bool {
+    fn may_displace(&self, plan: &DemandPlan<'_>, press: LoadPriority, victim: EvictionVictim) -> bool {
         match press {
             LoadPriority::Must => true,
             LoadPriority::Worth(value) => self.policy.displaces(value, victim.loss),
@@ -310,10 +321,10 @@ impl Planner {
     }
 
     /// The next one that may go.
-    fn first_victim(&mut self, plan: &mut Plan<'_>) -> Option<Victim> {
+    fn first_victim(&mut self, plan: &mut DemandPlan<'_>) -> Option<EvictionVictim> {
         loop {
             self.find_victims(plan);
-            let first = plan.victims.as_ref().and_then(Victims::first)?;
+            let first = plan.victims.as_ref().and_then(EvictionHeap::first)?;
             // Since it was listed, it may have become what is loaded needs, or other tiles may have gone.
             if self.entries[first.unit as usize].holds == 0 && !self.is_tile_to_stay(first.unit) {
                 return Some(first);
@@ -324,12 +335,12 @@ impl Planner {
 
     /// Lists who may go: first some of the resident units, from a hand that goes round; when these are used up the
     /// rest.
-    fn find_victims(&mut self, plan: &mut Plan<'_>) {
+    fn find_victims(&mut self, plan: &mut DemandPlan<'_>) {
         let mut victims = plan.victims.take().unwrap_or_else(|| {
             let count = self.residents.len();
             self.hand = if count <= VICTIMS { 0 } else { (self.hand + VICTIMS) % count };
             let (before, after) = self.residents.split_at(self.hand);
-            Victims::new([after, before].concat())
+            EvictionHeap::new([after, before].concat())
         });
         let view = self.view(plan.demand);
         let (keep_below, mapped) = (plan.demand.keep_below, plan.demand.mapped);
@@ -342,7 +353,7 @@ impl Planner {
         plan.victims = Some(victims);
     }
 
-    fn issue(&mut self, plan: &mut Plan<'_>, load: Load) {
+    fn issue(&mut self, plan: &mut DemandPlan<'_>, load: UnitLoad) {
         self.holdings.set_in_flight(&load.assets, true);
         self.count_tile(load.unit);
         self.stats.peak_bytes = self.stats.peak_bytes.max(self.holdings.held());
@@ -351,16 +362,16 @@ impl Planner {
         self.in_flight[load.kind as usize] += load.bytes;
         self.policy.issued(load.unit);
         plan.issued += usize::from(load.kind == LoadKind::Demanded);
-        plan.commands.push(Command::Load { unit: load.unit, assets: load.assets.clone() });
+        plan.commands.push(ResidencyCommand::Load { unit: load.unit, assets: load.assets.clone() });
         self.loading.insert(load.unit, load);
     }
 
-    fn evict(&mut self, unit: UnitId) -> Command {
+    fn evict(&mut self, unit: UnitId) -> ResidencyCommand {
         let mut assets = Vec::new();
         self.holdings.release(&self.catalog, unit, &mut assets);
         self.count_tile_gone(unit);
         self.forget(unit);
-        Command::Evict { unit, assets }
+        ResidencyCommand::Evict { unit, assets }
     }
 
     /// A resident unit is one no more; its assets were released.
@@ -374,11 +385,11 @@ impl Planner {
         self.stats.evictions += 1;
     }
 
-    pub(super) fn view<'a>(&'a self, demand: Demand<'a>) -> View<'a> {
-        View { catalog: &self.catalog, demand, entries: &self.entries, holdings: &self.holdings, step: self.step }
+    pub(super) fn view<'a>(&'a self, demand: RayDemand<'a>) -> PolicyView<'a> {
+        PolicyView { catalog: &self.catalog, demand, entries: &self.entries, holdings: &self.holdings, step: self.step }
     }
 
-    pub(super) fn in_flight_limit(&self, plan: &Plan<'_>) -> u64 {
+    pub(super) fn in_flight_limit(&self, plan: &DemandPlan<'_>) -> u64 {
         let more = if plan.is_idle() { IDLE_IN_FLIGHT } else { 1 };
         match self.options.in_flight_bytes {
             0 => (self.budget / DEFAULT_IN_FLIGHT_SHARE).saturating_mul(more).min(DEFAULT_IN_FLIGHT_MAX),

@@ -9,19 +9,19 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use rayon::Scope;
 
-use crate::mesh::{BuildGrant, Footprint, HostMemory};
+use crate::mesh::{BuildFootprint, BuildGrant, HostMemory};
 
 /// Builds that are to be done.
-struct Queue<'q, R, F> {
+struct BuildQueue<'q, R, F> {
     memory: &'q Arc<HostMemory>,
-    footprints: &'q [Footprint],
+    footprints: &'q [BuildFootprint],
     build: F,
     /// Builds and clusters of one that run side by side.
     most: usize,
-    state: Mutex<State<R>>,
+    state: Mutex<BuildQueueState<R>>,
 }
 
-struct State<R> {
+struct BuildQueueState<R> {
     /// What each needs at least, and its number: of equal ones the first comes last, and is taken first.
     waiting: BTreeSet<(u64, Reverse<usize>)>,
     running: usize,
@@ -33,19 +33,19 @@ struct State<R> {
 /// The largest that fits comes first. One that fits beside nothing runs alone, with as little as it can.
 pub(crate) fn run_within<R: Send>(
     memory: &Arc<HostMemory>,
-    footprints: &[Footprint],
+    footprints: &[BuildFootprint],
     build: impl Fn(usize, BuildGrant) -> R + Sync,
 ) -> Vec<Option<R>> {
     let waiting = footprints.iter().zip(0..).map(|(footprint, at)| (footprint.least(), Reverse(at))).collect();
     let results = footprints.iter().map(|_| None).collect();
-    let state = Mutex::new(State { waiting, running: 0, results });
-    let queue = Queue { memory, footprints, build, most: rayon::current_num_threads(), state };
+    let state = Mutex::new(BuildQueueState { waiting, running: 0, results });
+    let queue = BuildQueue { memory, footprints, build, most: rayon::current_num_threads(), state };
     rayon::scope(|scope| queue.start(scope));
     queue.state.into_inner().unwrap_or_else(PoisonError::into_inner).results
 }
 
-impl<R: Send, F: Fn(usize, BuildGrant) -> R + Sync> Queue<'_, R, F> {
-    fn state(&self) -> MutexGuard<'_, State<R>> {
+impl<R: Send, F: Fn(usize, BuildGrant) -> R + Sync> BuildQueue<'_, R, F> {
+    fn state(&self) -> MutexGuard<'_, BuildQueueState<R>> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -99,7 +99,7 @@ mod tests {
     fn run(room: u64, sizes: &[u64]) -> (Vec<usize>, usize, u64) {
         let memory = Arc::new(HostMemory::default());
         memory.set_room(room);
-        let footprints: Vec<Footprint> = sizes.iter().map(|size| Footprint::plain(*size)).collect();
+        let footprints: Vec<BuildFootprint> = sizes.iter().map(|size| BuildFootprint::plain(*size)).collect();
         let (running, most) = (AtomicUsize::new(0), AtomicUsize::new(0));
         let order = Mutex::new(Vec::new());
         let build = |at: usize, grant: BuildGrant| {
@@ -136,7 +136,7 @@ mod tests {
     fn small_builds_run_beside_a_large_one() {
         let memory = Arc::new(HostMemory::default());
         memory.set_room(100);
-        let footprints = [90, 10, 10].map(Footprint::plain);
+        let footprints = [90, 10, 10].map(BuildFootprint::plain);
         let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().expect("threads");
         let others = AtomicU64::new(0);
         let build = |at: usize, _grant: BuildGrant| {

@@ -11,17 +11,17 @@ use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::entries::InstancerEntry;
-use super::light::{Emitter, Light, LightMotion, LinkTable, MAX_INSTANCED_LIGHTS, placements};
-use super::report::Reports;
+use super::light::{Light, LightEmitter, LightMotion, LinkTable, MAX_INSTANCED_LIGHTS, placements};
+use super::report::CommitReports;
 use super::resolve::{PlanGroup, PlanMember, PlanTarget};
 use super::snapshot::{SceneCounts, Snapshot, SurfaceTables};
 use crate::desc::{InstancedBy, LightDesc, LightKind, TransformSample};
 use crate::instancing::GroupId;
-use crate::instancing::assembly::{Assembly, Member, Target};
-use crate::instancing::run::{Run, RunSpec, TransformKey};
+use crate::instancing::assembly::{Assembly, AssemblyMember, InstanceTarget};
+use crate::instancing::run::{InstanceRun, RunSpec, TransformKey};
 use crate::instancing::scan::ScanOutput;
 use crate::mesh::{Aabb, SceneMesh};
-use crate::partition::{Buckets, at_once, cuts_in_stretches};
+use crate::partition::{OrderBuckets, at_once, cuts_in_stretches};
 
 /// The origin moves when the scene's centre is farther from it than this many times the scene's half size.
 const FAR: f64 = 4.0;
@@ -34,16 +34,16 @@ pub(crate) struct AssemblyStore {
     origin: DVec3,
 }
 
-fn run_of<'a>(known: &'a Assembly, member: &PlanMember) -> Option<&'a Arc<Run>> {
+fn run_of<'a>(known: &'a Assembly, member: &PlanMember) -> Option<&'a Arc<InstanceRun>> {
     let at = known.members().binary_search_by(|m| m.name().cmp(&(&member.path, member.slot))).ok()?;
     known.members().get(at).map(|m| &m.run)
 }
 
 /// An assembly, and the buckets that its scans used.
-pub(crate) type Made = (Arc<Assembly>, Option<Buckets>);
+pub(crate) type MadeAssembly = (Arc<Assembly>, Option<OrderBuckets>);
 
 /// Assets by index, and the index of each content hash.
-pub(crate) struct Assets {
+pub(crate) struct CommittedAssets {
     pub(crate) meshes: Vec<Arc<SceneMesh>>,
     pub(crate) indices: FxHashMap<u128, u32>,
     pub(crate) surfaces: SurfaceTables,
@@ -51,8 +51,13 @@ pub(crate) struct Assets {
 
 impl AssemblyStore {
     /// Makes the assemblies of the plan, root last, and settles the origin. `item_bytes`: what items may take at once.
-    pub(crate) fn make(&mut self, plan: &[PlanGroup], assets: &Assets, item_bytes: u64) -> (Vec<Made>, DVec3) {
-        let mut made: Vec<Made> = Vec::with_capacity(plan.len());
+    pub(crate) fn make(
+        &mut self,
+        plan: &[PlanGroup],
+        assets: &CommittedAssets,
+        item_bytes: u64,
+    ) -> (Vec<MadeAssembly>, DVec3) {
+        let mut made: Vec<MadeAssembly> = Vec::with_capacity(plan.len());
         let mut groups = FxHashMap::default();
         for group in plan {
             let mut assembly = self.make_one(group, assets, &made, item_bytes);
@@ -69,7 +74,13 @@ impl AssemblyStore {
         (made, self.origin)
     }
 
-    fn make_one(&mut self, group: &PlanGroup, assets: &Assets, made: &[Made], item_bytes: u64) -> Made {
+    fn make_one(
+        &mut self,
+        group: &PlanGroup,
+        assets: &CommittedAssets,
+        made: &[MadeAssembly],
+        item_bytes: u64,
+    ) -> MadeAssembly {
         let known = self.groups.get(&group.id);
         let shift = if group.id == GroupId::Root { -self.origin } else { DVec3::ZERO };
         // Once for all prototypes, before they are looked at side by side.
@@ -80,7 +91,7 @@ impl AssemblyStore {
                 old.compare_arrays(new);
             }
         }
-        let specs: Vec<(&PlanMember, Target, i32, RunSpec)> = group
+        let specs: Vec<(&PlanMember, InstanceTarget, i32, RunSpec)> = group
             .members
             .par_iter()
             .filter_map(|plan| {
@@ -95,9 +106,9 @@ impl AssemblyStore {
                 Some((plan, target, prim_id, RunSpec { before, after: plan.after, instances, target_bounds, motion }))
             })
             .collect();
-        let reused: Vec<Option<Arc<Run>>> = specs
+        let reused: Vec<Option<Arc<InstanceRun>>> = specs
             .par_iter()
-            .map(|(plan, .., spec)| Run::reuse(known.and_then(|known| run_of(known, plan)), spec))
+            .map(|(plan, .., spec)| InstanceRun::reuse(known.and_then(|known| run_of(known, plan)), spec))
             .collect();
         let fresh = specs.iter().zip(&reused).filter(|(_, run)| run.is_none());
         let fresh = fresh.map(|((.., spec), _)| spec.most_ranks()).sum();
@@ -108,13 +119,13 @@ impl AssemblyStore {
             None if group.id == GroupId::Root => ScanOutput::Items,
             None => ScanOutput::Nothing,
         };
-        let members: Vec<Member> = specs
+        let members: Vec<AssemblyMember> = specs
             .into_par_iter()
             .zip(reused)
             .map(|((plan, target, prim_id, spec), reused)| {
-                let run = reused.unwrap_or_else(|| Arc::new(Run::scan(spec, keep)));
+                let run = reused.unwrap_or_else(|| Arc::new(InstanceRun::scan(spec, keep)));
                 let (path, primvars) = (plan.path.clone(), plan.primvars.clone());
-                Member { run, target, prim_id, path, slot: plan.slot, primvars }
+                AssemblyMember { run, target, prim_id, path, slot: plan.slot, primvars }
             })
             .collect();
         let assembly = match known {
@@ -129,26 +140,30 @@ impl AssemblyStore {
 }
 
 /// Buckets of a group's placements, if those that are `fresh` are too many to be items at once.
-fn buckets(specs: &[(&PlanMember, Target, i32, RunSpec)], fresh: u64, item_bytes: u64) -> Option<Buckets> {
+fn buckets(specs: &[(&PlanMember, InstanceTarget, i32, RunSpec)], fresh: u64, item_bytes: u64) -> Option<OrderBuckets> {
     let records: u64 = specs.iter().map(|(.., spec)| spec.most_ranks()).sum();
     let most = at_once(item_bytes, records);
     if !cuts_in_stretches(fresh, records, most) {
         return None;
     }
-    let stride = Buckets::stride(records);
+    let stride = OrderBuckets::stride(records);
     let samples: Vec<_> = specs.par_iter().flat_map_iter(|(.., spec)| spec.samples(stride)).collect();
-    Some(Buckets::of_samples(&samples, records, most))
+    Some(OrderBuckets::of_samples(&samples, records, most))
 }
 
 /// Index, prim id and box of what a member places. An empty assembly keeps an empty box, and its run no placement.
-fn target_of(plan: &PlanMember, assets: &Assets, made: &[Made]) -> Option<(Target, i32, Aabb)> {
+fn target_of(
+    plan: &PlanMember,
+    assets: &CommittedAssets,
+    made: &[MadeAssembly],
+) -> Option<(InstanceTarget, i32, Aabb)> {
     match plan.target {
         PlanTarget::Mesh { key, prim_id } => {
             let index = *assets.indices.get(&key)?;
-            Some((Target::Mesh(index), prim_id, assets.meshes.get(index as usize)?.bounds))
+            Some((InstanceTarget::Mesh(index), prim_id, assets.meshes.get(index as usize)?.bounds))
         }
         PlanTarget::Group(group) => {
-            Some((Target::Assembly(u32::try_from(group).ok()?), -1, made.get(group)?.0.bounds()))
+            Some((InstanceTarget::Assembly(u32::try_from(group).ok()?), -1, made.get(group)?.0.bounds()))
         }
     }
 }
@@ -167,7 +182,7 @@ fn origin_shift(bounds: &Aabb) -> Option<DVec3> {
 pub(crate) fn shining(
     lights: &BTreeMap<Arc<str>, LightDesc>,
     instancers: &BTreeMap<Arc<str>, InstancerEntry>,
-    reports: &mut Reports,
+    reports: &mut CommitReports,
 ) -> (Vec<Light>, LinkTable) {
     let mut out = Vec::new();
     let mut links = LinkTable::default();
@@ -181,14 +196,15 @@ pub(crate) fn shining(
             entry.is_some_and(|entry| entry.desc.prototypes.iter().any(|p| p.root == by.prototype_root))
         };
         reports.of(path).missing_instancers += desc.prim.instanced_by.iter().filter(|by| !is_there(by)).count() as u64;
-        let place =
-            |transform: &DAffine3, out: &mut Vec<Light>, reports: &mut Reports| match Light::placed(desc, transform) {
-                Some(light) if light.is_black() => {}
-                Some(light) => out.push(Light { light_link, shadow_link, ..light }),
-                None => reports.of(path).lights += 1,
-            };
+        let place = |transform: &DAffine3, out: &mut Vec<Light>, reports: &mut CommitReports| match Light::placed(
+            desc, transform,
+        ) {
+            Some(light) if light.is_black() => {}
+            Some(light) => out.push(Light { light_link, shadow_link, ..light }),
+            None => reports.of(path).lights += 1,
+        };
         let mut refused = None;
-        let mut place_moving = |transform: &DAffine3, samples: &[TransformSample], reports: &mut Reports| {
+        let mut place_moving = |transform: &DAffine3, samples: &[TransformSample], reports: &mut CommitReports| {
             let placed_before = out.len();
             place(transform, &mut out, reports);
             for light in out.iter_mut().skip(placed_before) {
@@ -226,8 +242,8 @@ impl Snapshot {
         let mut levels: Vec<u32> = Vec::with_capacity(self.assemblies.len());
         for assembly in &self.assemblies {
             let below = assembly.members().iter().filter(|m| m.run.len() > 0).map(|m| match m.target {
-                Target::Mesh(_) => 0,
-                Target::Assembly(a) => levels.get(a as usize).copied().unwrap_or(0),
+                InstanceTarget::Mesh(_) => 0,
+                InstanceTarget::Assembly(a) => levels.get(a as usize).copied().unwrap_or(0),
             });
             levels.push(1 + below.max().unwrap_or(0));
         }
@@ -238,9 +254,9 @@ impl Snapshot {
         let mut features = Features::empty();
         for light in &self.lights {
             features |= match light.emitter {
-                Emitter::Dome { .. } => Features::DOME,
-                Emitter::Distant { .. } => Features::DISTANT,
-                Emitter::Local(_) => Features::LOCAL_LIGHTS,
+                LightEmitter::Dome { .. } => Features::DOME,
+                LightEmitter::Distant { .. } => Features::DISTANT,
+                LightEmitter::Local(_) => Features::LOCAL_LIGHTS,
             };
         }
         for mesh in &self.meshes {
@@ -271,8 +287,8 @@ impl Snapshot {
             let (mut instances, mut triangles) = (0_u128, 0_u128);
             for member in assembly.members() {
                 let (i, t) = match member.target {
-                    Target::Mesh(m) => (1, self.meshes.get(m as usize).map_or(0, |m| u128::from(m.triangles))),
-                    Target::Assembly(a) => totals.get(a as usize).copied().unwrap_or((0, 0)),
+                    InstanceTarget::Mesh(m) => (1, self.meshes.get(m as usize).map_or(0, |m| u128::from(m.triangles))),
+                    InstanceTarget::Assembly(a) => totals.get(a as usize).copied().unwrap_or((0, 0)),
                 };
                 let times = member.run.len() as u128;
                 instances = instances.saturating_add(times.saturating_mul(i));

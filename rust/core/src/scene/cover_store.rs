@@ -7,9 +7,9 @@ use std::sync::Arc;
 use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use super::entries::Cutouts;
+use super::entries::SlotCutouts;
 use crate::material::{Cutout, CutoutImage, TextureRef};
-use crate::mesh::{Cover, Covers};
+use crate::mesh::{CutoutCover, SlotCovers};
 use crate::texture::{CoveredImage, HeightFiles};
 
 /// Most images: 8 KiB each, and each part of a set.
@@ -31,7 +31,11 @@ fn image_of(cutout: &Arc<Cutout>) -> Option<&CutoutImage> {
 
 impl CoverStore {
     /// Reads the images of meshes that are not known, side by side.
-    pub(crate) fn read<'a>(&mut self, meshes: impl Iterator<Item = &'a Cutouts>, files: Option<&Arc<dyn HeightFiles>>) {
+    pub(crate) fn read<'a>(
+        &mut self,
+        meshes: impl Iterator<Item = &'a SlotCutouts>,
+        files: Option<&Arc<dyn HeightFiles>>,
+    ) {
         let Some(files) = files else { return };
         let images = meshes.flatten().flatten().filter_map(image_of);
         let mut seen: FxHashSet<&CutoutImage> = FxHashSet::default();
@@ -44,15 +48,15 @@ impl CoverStore {
     }
 
     /// What is known of a mesh's cutouts; empty where nothing is.
-    pub(crate) fn of(&self, cutouts: &Cutouts) -> Covers {
+    pub(crate) fn of(&self, cutouts: &SlotCutouts) -> SlotCovers {
         let cover = |cutout: &Arc<Cutout>| {
             let image = match image_of(cutout) {
                 Some(image) => Some(self.images.get(image)?.clone()?),
                 None => None,
             };
-            Some(Cover { cutout: Arc::clone(cutout), image })
+            Some(CutoutCover { cutout: Arc::clone(cutout), image })
         };
-        let mut covers: Covers = cutouts.iter().map(|cutout| cover(cutout.as_ref()?)).collect();
+        let mut covers: SlotCovers = cutouts.iter().map(|cutout| cover(cutout.as_ref()?)).collect();
         if covers.iter().all(Option::is_none) {
             covers.clear();
         }

@@ -3,7 +3,7 @@
 
 use std::sync::{Arc, OnceLock};
 
-use super::dicing::Outline;
+use super::dicing::MeshOutline;
 use super::linking::LinkClasses;
 use crate::array::ArrayView;
 use crate::desc::DroppedData;
@@ -12,10 +12,10 @@ use crate::instancing::array_motion::ArrayMotion;
 use crate::instancing::instance_primvars::{InstancePrimvar, MemberPrimvar};
 use crate::instancing::placement::InstanceArrays;
 use crate::material::Cutout;
-use crate::mesh::{Demand, Dicing, Displacements, KeptMesh, WantedPrimvar, is_same_mesh};
+use crate::mesh::{BuildDemand, DicingRate, KeptMesh, SlotDisplacements, WantedPrimvar, is_same_mesh};
 
-/// Cutouts by slot, as [`Displacements`]. Empty where nothing is cut out.
-pub(crate) type Cutouts = Vec<Option<Arc<Cutout>>>;
+/// Cutouts by slot, as [`SlotDisplacements`]. Empty where nothing is cut out.
+pub(crate) type SlotCutouts = Vec<Option<Arc<Cutout>>>;
 
 /// A mesh prim.
 #[derive(Debug)]
@@ -24,16 +24,16 @@ pub(crate) struct MeshEntry {
     /// The asset, once the prim was needed; none again when the arrays change.
     pub(crate) built: Option<Arc<KeptMesh>>,
     /// How finely its limit surface is cut.
-    pub(crate) dicing: Dicing,
+    pub(crate) dicing: DicingRate,
     /// What [`super::dicing`] has to know of it, once that was asked for; none again when the arrays or `wanted`
     /// change.
-    pub(crate) outline: OnceLock<Outline>,
+    pub(crate) outline: OnceLock<MeshOutline>,
     /// Primvars that materials read.
     pub(crate) wanted: Vec<WantedPrimvar>,
     /// How materials displace it.
-    pub(crate) displacements: Displacements,
+    pub(crate) displacements: SlotDisplacements,
     /// How materials cut it out.
-    pub(crate) cutouts: Cutouts,
+    pub(crate) cutouts: SlotCutouts,
     /// Numbers of the primvars that are read here and that the mesh does not have.
     pub(crate) lacks: Vec<u32>,
 }
@@ -58,7 +58,7 @@ impl MeshEntry {
                 let entry = Self {
                     desc,
                     built: None,
-                    dicing: Dicing::default(),
+                    dicing: DicingRate::default(),
                     outline: OnceLock::new(),
                     wanted: Vec::new(),
                     displacements: Vec::new(),
@@ -78,13 +78,13 @@ impl MeshEntry {
     }
 
     /// What it is built for.
-    pub(crate) fn demand(&self) -> Demand<'_> {
+    pub(crate) fn demand(&self) -> BuildDemand<'_> {
         let Self { wanted, dicing, displacements, .. } = self;
-        Demand { wanted, dicing: Some(dicing), displacements, covers: &[], heights: None }
+        BuildDemand { wanted, dicing: Some(dicing), displacements, covers: &[], heights: None }
     }
 
     /// Notes how materials cut it out; forgets what was made for something else.
-    pub(crate) fn cut_out(&mut self, cutouts: Cutouts) {
+    pub(crate) fn cut_out(&mut self, cutouts: SlotCutouts) {
         if self.cutouts != cutouts {
             self.cutouts = cutouts;
             self.built = None;
@@ -92,7 +92,7 @@ impl MeshEntry {
     }
 
     /// Notes what materials ask for; forgets what was made for something else. `emits`: something of it is a light.
-    pub(crate) fn ask(&mut self, wanted: Vec<WantedPrimvar>, displacements: Displacements, emits: bool) {
+    pub(crate) fn ask(&mut self, wanted: Vec<WantedPrimvar>, displacements: SlotDisplacements, emits: bool) {
         let is_new_form = self.desc.take_form(emits || !displacements.is_empty());
         if is_new_form || self.wanted != wanted || self.displacements != displacements {
             self.wanted = wanted;

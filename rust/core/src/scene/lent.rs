@@ -3,7 +3,7 @@
 
 use super::SceneDb;
 use crate::array::TypedArray;
-use crate::desc::{InstancerDesc, MeshDesc, NamedPrimvar, Primvar, Shape};
+use crate::desc::{InstancerDesc, MeshDesc, NamedPrimvar, PrimShape, Primvar};
 use rustc_hash::FxHashMap;
 use std::cmp::Reverse;
 use std::collections::BTreeSet;
@@ -12,7 +12,7 @@ use std::sync::Arc;
 
 /// Bytes of arrays, each counted once however many prims share it.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Lent {
+pub struct LentBytes {
     /// All of them.
     pub bytes: u64,
     /// Path and bytes of the prim whose arrays take most, shared or not; the first path where several take as much.
@@ -20,19 +20,19 @@ pub struct Lent {
 }
 
 /// Where an array lies, and its bytes.
-type Place = (usize, usize);
+type ArrayRange = (usize, usize);
 
 /// Counts the arrays of prims that come and go.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(super) struct Lending {
+pub(super) struct LentArrays {
     /// How many prims have each array.
-    users: FxHashMap<Place, u32>,
+    users: FxHashMap<ArrayRange, u32>,
     bytes: u64,
     /// What the arrays of each prim take, with its path.
     prims: BTreeSet<(u64, Reverse<Arc<str>>)>,
 }
 
-impl Lending {
+impl LentArrays {
     /// Counts the arrays of a prim.
     pub(super) fn add<'a>(&mut self, path: &Arc<str>, arrays: impl Iterator<Item = &'a TypedArray>) {
         let places = places(arrays);
@@ -61,22 +61,22 @@ impl Lending {
         self.prims.remove(&(sum(&places), Reverse(Arc::clone(path))));
     }
 
-    fn lent(&self) -> Lent {
+    fn lent(&self) -> LentBytes {
         let largest = self.prims.last().filter(|(bytes, _)| *bytes > 0);
-        Lent { bytes: self.bytes, largest: largest.map(|(bytes, Reverse(path))| (Arc::clone(path), *bytes)) }
+        LentBytes { bytes: self.bytes, largest: largest.map(|(bytes, Reverse(path))| (Arc::clone(path), *bytes)) }
     }
 }
 
 /// Where arrays lie, each once.
-fn places<'a>(arrays: impl Iterator<Item = &'a TypedArray>) -> Vec<Place> {
+fn places<'a>(arrays: impl Iterator<Item = &'a TypedArray>) -> Vec<ArrayRange> {
     let bytes = arrays.map(|array| array.view().bytes()).filter(|bytes| !bytes.is_empty());
-    let mut places: Vec<Place> = bytes.map(|bytes| (bytes.as_ptr().addr(), bytes.len())).collect();
+    let mut places: Vec<ArrayRange> = bytes.map(|bytes| (bytes.as_ptr().addr(), bytes.len())).collect();
     places.sort_unstable();
     places.dedup();
     places
 }
 
-fn sum(places: &[Place]) -> u64 {
+fn sum(places: &[ArrayRange]) -> u64 {
     places.iter().map(|place| place.1 as u64).sum()
 }
 
@@ -84,7 +84,7 @@ impl SceneDb {
     /// What the arrays of all meshes and instancers take, as they stand. The first call looks at every prim, from then
     /// on edits keep the count.
     #[must_use]
-    pub fn lent(&mut self) -> Lent {
+    pub fn lent(&mut self) -> LentBytes {
         if let Some(lending) = &self.lending {
             return lending.lent();
         }
@@ -94,8 +94,8 @@ impl SceneDb {
         lent
     }
 
-    fn count_lent(&self) -> Lending {
-        let mut lending = Lending::default();
+    fn count_lent(&self) -> LentArrays {
+        let mut lending = LentArrays::default();
         self.meshes.iter().for_each(|(path, entry)| lending.add(path, of_mesh(&entry.desc)));
         self.instancers.iter().for_each(|(path, entry)| lending.add(path, of_instancer(&entry.desc)));
         lending
@@ -115,7 +115,7 @@ pub(super) fn of_mesh(desc: &MeshDesc) -> impl Iterator<Item = &TypedArray> {
     let tags = &desc.subdivision_tags;
     let motion = &desc.point_motion;
     let curves = match &desc.shape {
-        Shape::Curves(curves) => Some([&curves.counts].into_iter().chain(&curves.indices)),
+        PrimShape::Curves(curves) => Some([&curves.counts].into_iter().chain(&curves.indices)),
         _ => None,
     };
     let samples = motion.samples.iter().flat_map(|s| [&s.points].into_iter().chain(&s.normals).chain(&s.widths));
@@ -164,7 +164,7 @@ mod tests {
     #[test]
     fn shared_lent_arrays_are_counted_once() {
         let mut db = SceneDb::new();
-        assert_eq!(db.lent(), Lent::default());
+        assert_eq!(db.lent(), LentBytes::default());
         let points = TypedArray::of(vec![[0.0_f32; 3]; 4]);
         let square = |path: &str| MeshDesc {
             points: points.clone(),
@@ -174,19 +174,23 @@ mod tests {
             ..MeshDesc::default()
         };
         db.upsert_mesh(square("/a"));
-        assert_eq!(db.lent(), Lent { bytes: 48 + 4 + 16, largest: Some(("/a".into(), 68)) });
+        assert_eq!(db.lent(), LentBytes { bytes: 48 + 4 + 16, largest: Some(("/a".into(), 68)) });
         let mut colored = square("/b");
         let values = TypedArray::of(vec![[0.0_f32; 3]; 100]);
         colored.display_color = Some(Primvar { interpolation: Interpolation::Uniform, values, indices: None });
         db.upsert_mesh(colored);
-        assert_eq!(db.lent(), Lent { bytes: 68 + 20 + 1200, largest: Some(("/b".into(), 1268)) }, "points are shared");
+        assert_eq!(
+            db.lent(),
+            LentBytes { bytes: 68 + 20 + 1200, largest: Some(("/b".into(), 1268)) },
+            "points are shared"
+        );
         db.upsert_instancer(InstancerDesc {
             prim: prim("/row"),
             prototypes: vec![InstancerPrototype { root: "/a".into(), indices: TypedArray::of(vec![0; 1000]) }],
             translations: Some(TypedArray::of(vec![[0.0_f32; 3]; 1000])),
             ..InstancerDesc::default()
         });
-        assert_eq!(db.lent(), Lent { bytes: 1288 + 16_000, largest: Some(("/row".into(), 16_000)) });
+        assert_eq!(db.lent(), LentBytes { bytes: 1288 + 16_000, largest: Some(("/row".into(), 16_000)) });
     }
 
     /// Numbers that look random.
@@ -200,7 +204,7 @@ mod tests {
         let mut random = 1;
         let arrays: Vec<TypedArray> = (0..12).map(|at| TypedArray::of(vec![[0.5_f32; 3]; at])).collect();
         let mut db = SceneDb::new();
-        assert_eq!(db.lent(), Lent::default());
+        assert_eq!(db.lent(), LentBytes::default());
         let mut most = 0;
         for step in 0..4000 {
             let path = |random: &mut u64| format!("/g{}/p{}", next(random, 4), next(random, 6));

@@ -4,8 +4,8 @@
 //!
 //! A mesh below instancers is in the collections that it is in itself and in those of all instances on the way to it.
 //! Instances of one prototype that are in different collections are placed apart, with a copy of the prototype's group
-//! for each set ([`Categories`]); the meshes in it are the same, under prim ids of their own, which are what links are
-//! looked up by ([`LinkedPrims`]). Only collections that some light names count.
+//! for each set ([`LinkCategories`]); the meshes in it are the same, under prim ids of their own, which are what links
+//! are looked up by ([`LinkedPrims`]). Only collections that some light names count.
 
 use oocpt_abi::MAX_PRIM_ID;
 use std::collections::{BTreeMap, BTreeSet};
@@ -21,7 +21,7 @@ use crate::desc::{InstanceLinks, InstancerDesc, LightDesc, LightKind};
 pub(crate) const MAX_LINKED_PRIMS: usize = 1 << 20;
 
 /// A set of collections, sorted; empty for none.
-pub(crate) type Categories = Arc<[Arc<str>]>;
+pub(crate) type LinkCategories = Arc<[Arc<str>]>;
 
 /// The collections that lights name.
 pub(crate) fn named(lights: &BTreeMap<Arc<str>, LightDesc>) -> BTreeSet<Arc<str>> {
@@ -33,7 +33,7 @@ pub(crate) fn named(lights: &BTreeMap<Arc<str>, LightDesc>) -> BTreeSet<Arc<str>
 /// Instances that are in the same collections.
 #[derive(Clone, Debug)]
 pub(crate) struct LinkClass {
-    pub(crate) categories: Categories,
+    pub(crate) categories: LinkCategories,
     /// Of each prototype: the places in its indices; `None`: all of them.
     chosen: Option<Vec<Arc<Vec<u32>>>>,
 }
@@ -51,13 +51,13 @@ impl LinkClass {
 }
 
 /// What classes are made of: the links, the names, the arrays of indices.
-type Sources = (Arc<InstanceLinks>, BTreeSet<Arc<str>>, Vec<TypedArray>);
+type LinkSources = (Arc<InstanceLinks>, BTreeSet<Arc<str>>, Vec<TypedArray>);
 
 /// The instances of an instancer by their collections, kept while nothing that decides them changes.
 #[derive(Debug, Default)]
 pub(crate) struct LinkClasses {
     classes: Vec<LinkClass>,
-    made_of: Option<Sources>,
+    made_of: Option<LinkSources>,
 }
 
 impl LinkClasses {
@@ -127,7 +127,7 @@ fn classes(desc: &InstancerDesc, named: &BTreeSet<Arc<str>>) -> Vec<LinkClass> {
 }
 
 /// Both sets.
-pub(crate) fn union(a: &Categories, b: &Categories) -> Categories {
+pub(crate) fn union(a: &LinkCategories, b: &LinkCategories) -> LinkCategories {
     if b.iter().all(|name| a.binary_search(name).is_ok()) {
         return Arc::clone(a);
     }
@@ -140,13 +140,13 @@ pub(crate) fn union(a: &Categories, b: &Categories) -> Categories {
 pub(crate) struct LinkedPrim {
     pub(crate) path: Arc<str>,
     pub(crate) prim_id: i32,
-    pub(crate) categories: Categories,
+    pub(crate) categories: LinkCategories,
 }
 
 /// The prims of a plan that are seen in collections beside their own. Numbers go by the order of the plan.
 #[derive(Debug, Default)]
 pub(crate) struct LinkedPrims {
-    known: FxHashMap<(Arc<str>, Categories), i32>,
+    known: FxHashMap<(Arc<str>, LinkCategories), i32>,
     list: Vec<LinkedPrim>,
     /// First of their prim ids, once one is needed.
     first: Option<usize>,
@@ -158,7 +158,7 @@ impl LinkedPrims {
         &mut self,
         meshes: &BTreeMap<Arc<str>, MeshEntry>,
         entry: &MeshEntry,
-        categories: &Categories,
+        categories: &LinkCategories,
     ) -> Option<i32> {
         if categories.iter().all(|name| entry.desc.categories.contains(name)) {
             return Some(entry.desc.prim_id);
@@ -254,7 +254,7 @@ mod tests {
 
     #[test]
     fn the_union_of_category_sets_keeps_both() {
-        let [a, ab, b]: [Categories; 3] = [&["a"][..], &["a", "b"], &["b"]].map(|set| names(set).into());
+        let [a, ab, b]: [LinkCategories; 3] = [&["a"][..], &["a", "b"], &["b"]].map(|set| names(set).into());
         assert!(Arc::ptr_eq(&union(&ab, &b), &ab), "nothing new");
         assert_eq!(union(&b, &a), ab, "sorted");
     }

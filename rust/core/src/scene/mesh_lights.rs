@@ -19,11 +19,11 @@ use rustc_hash::FxHashMap;
 
 use super::entries::MeshEntry;
 use super::light;
-use super::report::Reports;
+use super::report::CommitReports;
 use crate::desc::{LightDesc, LightKind, MaterialSync, MeshDesc};
 use oocpt_materialx::program::Program;
 
-use crate::material::{Input, Material, NEUTRAL};
+use crate::material::{InputValue, Material, NEUTRAL};
 
 /// What follows the path of a mesh in the path of its light: no prim is called so.
 pub const MESH_LIGHT: &str = "/{light}";
@@ -39,7 +39,7 @@ pub(crate) struct MeshLight {
 pub(crate) fn mesh_lights(
     lights: &BTreeMap<Arc<str>, LightDesc>,
     meshes: &BTreeMap<Arc<str>, MeshEntry>,
-    reports: &mut Reports,
+    reports: &mut CommitReports,
 ) -> FxHashMap<Arc<str>, MeshLight> {
     let mut found = FxHashMap::default();
     for (path, desc) in lights {
@@ -101,7 +101,7 @@ fn area(desc: &MeshDesc) -> f64 {
 
 impl MeshLight {
     /// The material of a slot whose own is `material`.
-    pub(crate) fn dress(&self, mesh: &Arc<str>, material: Option<&Material>, reports: &mut Reports) -> Material {
+    pub(crate) fn dress(&self, mesh: &Arc<str>, material: Option<&Material>, reports: &mut CommitReports) -> Material {
         let [r, g, b] = self.radiance;
         let mut dressed = match material {
             Some(material) if self.sync != MaterialSync::NoResponse => material.clone(),
@@ -110,10 +110,10 @@ impl MeshLight {
         let emission = &mut dressed.inputs[MaterialInput::EmissiveColor as usize];
         let is_tinted = self.sync == MaterialSync::GlowTintsLight && dressed.flags.contains(MaterialFlags::EMISSIVE);
         match emission {
-            Input::Constant(value) if is_tinted => {
+            InputValue::Constant(value) if is_tinted => {
                 *value = [r * value[0].max(0.0), g * value[1].max(0.0), b * value[2].max(0.0), value[3]];
             }
-            Input::Texture { channel, scale, bias, .. } if is_tinted => {
+            InputValue::Texture { channel, scale, bias, .. } if is_tinted => {
                 let is_grey = r.to_bits() == g.to_bits() && g.to_bits() == b.to_bits();
                 if channel.is_some() && !is_grey {
                     reports.note(
@@ -128,7 +128,7 @@ impl MeshLight {
                     bias[k] *= factor[k];
                 }
             }
-            Input::Primvar { .. } | Input::Register(_) if is_tinted => {
+            InputValue::Primvar { .. } | InputValue::Register(_) if is_tinted => {
                 if [r, g, b].iter().any(|v| (v - 1.0).abs() > 0.0) {
                     reports.note(
                         mesh,
@@ -136,18 +136,18 @@ impl MeshLight {
                     );
                 }
             }
-            _ => *emission = Input::Constant([r, g, b, 1.0]),
+            _ => *emission = InputValue::Constant([r, g, b, 1.0]),
         }
-        let is_finite = |input: &Input| match input {
-            Input::Constant(value) => value.iter().all(|v| v.is_finite()),
-            Input::Texture { scale, bias, .. } => scale.iter().chain(bias).all(|v| v.is_finite()),
-            Input::Primvar { .. } | Input::Register(_) => true,
+        let is_finite = |input: &InputValue| match input {
+            InputValue::Constant(value) => value.iter().all(|v| v.is_finite()),
+            InputValue::Texture { scale, bias, .. } => scale.iter().chain(bias).all(|v| v.is_finite()),
+            InputValue::Primvar { .. } | InputValue::Register(_) => true,
         };
         if !is_finite(emission) {
             reports.of(mesh).lights += 1;
-            *emission = Input::Constant([0.0, 0.0, 0.0, 1.0]);
+            *emission = InputValue::Constant([0.0, 0.0, 0.0, 1.0]);
         }
-        let emits = !matches!(emission, Input::Constant([r, g, b, _]) if *r <= 0.0 && *g <= 0.0 && *b <= 0.0);
+        let emits = !matches!(emission, InputValue::Constant([r, g, b, _]) if *r <= 0.0 && *g <= 0.0 && *b <= 0.0);
         dressed.flags.set(MaterialFlags::EMISSIVE, emits);
         dressed
     }
@@ -157,7 +157,7 @@ impl MeshLight {
 fn dark() -> Material {
     let mut inputs = NEUTRAL;
     for (name, value) in [(MaterialInput::Roughness, 1.0), (MaterialInput::ClearcoatRoughness, 0.01)] {
-        inputs[name as usize] = Input::Constant([value; 4]);
+        inputs[name as usize] = InputValue::Constant([value; 4]);
     }
     Material {
         flags: MaterialFlags::SPECULAR_WORKFLOW,

@@ -10,8 +10,8 @@ use glam::{DAffine3, DMat3, DVec3};
 
 use super::placement_motion::{PlacementMotion, as_rounded};
 use super::snapshot::Snapshot;
-use crate::instancing::assembly::{InstanceRecord, Member, Target};
-use crate::instancing::motion::{Keys, MotionKey, norm_of};
+use crate::instancing::assembly::{AssemblyMember, InstanceRecord, InstanceTarget};
+use crate::instancing::motion::{MotionKey, PlacementKeys, norm_of};
 use crate::partition::{PlacedReader, PlacedValue};
 
 /// Roundings of the map of a frame that moves, for one of a frame at rest: it is worked out in single precision, from
@@ -80,7 +80,7 @@ pub struct MeshPlacements {
 }
 
 /// Whether a prim is asked for, by its id.
-type Wanted<'a> = &'a dyn Fn(i32) -> bool;
+type PrimFilter<'a> = &'a dyn Fn(i32) -> bool;
 
 /// The way from the world to a frame.
 struct FramePath {
@@ -94,22 +94,22 @@ struct FramePath {
 }
 
 /// A record with what it needs of its member.
-struct Found {
+struct FoundRecord {
     record: InstanceRecord,
     values: Vec<PlacedValue>,
     /// Of what moves.
     keys: Option<Arc<[MotionKey]>>,
 }
 
-impl Found {
-    fn new(record: InstanceRecord, values: Vec<PlacedValue>, keys: Option<&Keys>) -> Self {
+impl FoundRecord {
+    fn new(record: InstanceRecord, values: Vec<PlacedValue>, keys: Option<&PlacementKeys>) -> Self {
         Self { record, values, keys: keys.map(as_rounded) }
     }
 }
 
-struct Walk<'a> {
+struct PlacementTraversal<'a> {
     snapshot: &'a Snapshot,
-    wanted: Wanted<'a>,
+    wanted: PrimFilter<'a>,
     /// By assembly: whether a prim that is asked for is in it.
     holds: Vec<bool>,
     most: usize,
@@ -122,7 +122,7 @@ impl Snapshot {
     #[must_use]
     pub fn mesh_placements(&self, wanted: &dyn Fn(i32) -> bool, most: usize) -> MeshPlacements {
         let found = MeshPlacements { is_complete: true, ..MeshPlacements::default() };
-        let mut walk = Walk { snapshot: self, wanted, holds: Vec::new(), most, found };
+        let mut walk = PlacementTraversal { snapshot: self, wanted, holds: Vec::new(), most, found };
         for assembly in &self.assemblies {
             let holds = assembly.members().iter().any(|member| walk.leads_to(member.target, member.prim_id));
             walk.holds.push(holds);
@@ -142,7 +142,7 @@ impl Snapshot {
             let room = most - walk.found.all.len();
             let outer = self.world.placed.row(instance.row);
             let all = chunk.encode_where(&is_wanted, room, &mut |record, member, rank, keys| {
-                records.push(Found::new(record, values(member, &outer, rank), keys.as_ref()));
+                records.push(FoundRecord::new(record, values(member, &outer, rank), keys.as_ref()));
             });
             walk.found.is_complete &= all;
             records.iter().for_each(|found| walk.visit(found, &way));
@@ -152,7 +152,7 @@ impl Snapshot {
 }
 
 /// The values of a record of `member` inside a placement with the values `outer`.
-fn values(member: &Member, outer: &[PlacedValue], rank: u32) -> Vec<PlacedValue> {
+fn values(member: &AssemblyMember, outer: &[PlacedValue], rank: u32) -> Vec<PlacedValue> {
     if member.primvars.is_empty() {
         outer.to_vec()
     } else {
@@ -160,16 +160,16 @@ fn values(member: &Member, outer: &[PlacedValue], rank: u32) -> Vec<PlacedValue>
     }
 }
 
-impl Walk<'_> {
-    fn leads_to(&self, target: Target, prim_id: i32) -> bool {
+impl PlacementTraversal<'_> {
+    fn leads_to(&self, target: InstanceTarget, prim_id: i32) -> bool {
         match target {
-            Target::Mesh(_) => (self.wanted)(prim_id),
-            Target::Assembly(assembly) => self.holds.get(assembly as usize).copied().unwrap_or(false),
+            InstanceTarget::Mesh(_) => (self.wanted)(prim_id),
+            InstanceTarget::Assembly(assembly) => self.holds.get(assembly as usize).copied().unwrap_or(false),
         }
     }
 
     /// Notes a record's mesh, or those below it. As deep as assemblies are nested.
-    fn visit(&mut self, found: &Found, way: &FramePath) {
+    fn visit(&mut self, found: &FoundRecord, way: &FramePath) {
         if self.found.all.len() >= self.most {
             self.found.is_complete = false;
             return;
@@ -195,7 +195,7 @@ impl Walk<'_> {
         let instance_id = way.instance_id.wrapping_mul(record.prototype_count).wrapping_add(record.index_in_prototype);
         let here = (motion.levels.len(), outer_from_object.translation);
         match record.target {
-            Target::Mesh(mesh) => {
+            InstanceTarget::Mesh(mesh) => {
                 let Some(mesh_of) = self.snapshot.meshes.get(mesh as usize) else { return };
                 if mesh_of.keys != 0 {
                     self.found.leaves_out_deforming = true;
@@ -209,7 +209,7 @@ impl Walk<'_> {
                 let placed = MeshPlacement { mesh, prim_id, instance_id, outer_from_object, motion, reach, values };
                 self.found.all.push(placed);
             }
-            Target::Assembly(index) => {
+            InstanceTarget::Assembly(index) => {
                 let Some(assembly) = self.snapshot.assemblies.get(index as usize).map(Arc::clone) else { return };
                 let frames = way.frames.iter().copied().chain([here]).collect();
                 let inside = FramePath { motion, here_from_outer: object_from_outer, frames, instance_id };
@@ -217,7 +217,7 @@ impl Walk<'_> {
                 let room = self.most - self.found.all.len();
                 let is_wanted = |target, prim_id| self.leads_to(target, prim_id);
                 let all = assembly.encode_where(&is_wanted, room, &mut |record, member, rank, keys| {
-                    records.push(Found::new(record, values(member, &found.values, rank), keys.as_ref()));
+                    records.push(FoundRecord::new(record, values(member, &found.values, rank), keys.as_ref()));
                 });
                 self.found.is_complete &= all;
                 records.iter().for_each(|found| self.visit(found, &inside));

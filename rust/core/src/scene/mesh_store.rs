@@ -11,21 +11,21 @@ use super::admission::run_within;
 use super::cover_store::CoverStore;
 use super::entries::MeshEntry;
 use crate::mesh::{
-    BuildGrant, Cover, Covers, Demand, Dicing, Footprint, KeptMesh, MeshStorage, Recipe, SceneMesh, mesh_key_with,
-    too_large,
+    BuildDemand, BuildFootprint, BuildGrant, CutoutCover, DicingRate, KeptMesh, MeshRecipe, MeshStorage, SceneMesh,
+    SlotCovers, mesh_key_with, too_large,
 };
 use crate::partition::PartitionOptions;
-use crate::texture::Heights;
+use crate::texture::HeightCache;
 
 /// Clusters that are put away together, for each thread: fewer, and threads would wait for each other.
 const BATCHES: usize = 4;
 
 /// A mesh that is to be built.
 #[derive(Clone, Copy)]
-struct New<'a> {
+struct NewMesh<'a> {
     key: u128,
     entry: &'a MeshEntry,
-    covers: &'a [Option<Cover>],
+    covers: &'a [Option<CutoutCover>],
 }
 
 /// Assets by content hash, and their indices in the snapshots.
@@ -67,8 +67,8 @@ impl MeshStore {
         &mut self,
         meshes: &mut BTreeMap<Arc<str>, MeshEntry>,
         wanted: &FxHashSet<Arc<str>>,
-        mut cuts: FxHashMap<Arc<str>, Dicing>,
-        heights: &Heights,
+        mut cuts: FxHashMap<Arc<str>, DicingRate>,
+        heights: &HeightCache,
     ) {
         // The budget may be another one now.
         self.built.retain(|_, built| !built.is_left_out);
@@ -82,17 +82,17 @@ impl MeshStore {
         let mut missing: Vec<&mut MeshEntry> =
             meshes.iter_mut().filter(|(path, e)| e.built.is_none() && wanted.contains(*path)).map(|(_, e)| e).collect();
         self.covers.read(missing.iter().map(|entry| &entry.cutouts), heights.files());
-        let covers: Vec<Covers> = missing.iter().map(|entry| self.covers.of(&entry.cutouts)).collect();
-        let demand = |entry: &'_ MeshEntry, covers: &'_ [Option<Cover>]| {
-            mesh_key_with(&entry.desc, &Demand { covers, ..entry.demand() })
+        let covers: Vec<SlotCovers> = missing.iter().map(|entry| self.covers.of(&entry.cutouts)).collect();
+        let demand = |entry: &'_ MeshEntry, covers: &'_ [Option<CutoutCover>]| {
+            mesh_key_with(&entry.desc, &BuildDemand { covers, ..entry.demand() })
         };
         let keys: Vec<u128> = missing.par_iter().zip(&covers).map(|(entry, covers)| demand(entry, covers)).collect();
         let mut begun: FxHashSet<u128> = FxHashSet::default();
-        let new: Vec<New<'_>> = keys
+        let new: Vec<NewMesh<'_>> = keys
             .iter()
             .zip(missing.iter().zip(&covers))
             .filter(|(key, _)| !self.built.contains_key(key) && begun.insert(**key))
-            .map(|(key, (entry, covers))| New { key: *key, entry, covers })
+            .map(|(key, (entry, covers))| NewMesh { key: *key, entry, covers })
             .collect();
         self.made += new.len() as u64;
         let built = self.make(&new, heights);
@@ -103,10 +103,10 @@ impl MeshStore {
     }
 
     /// Finds meshes in files or builds them, side by side.
-    fn make(&self, new: &[New<'_>], heights: &Heights) -> Vec<(u128, Arc<KeptMesh>)> {
+    fn make(&self, new: &[NewMesh<'_>], heights: &HeightCache) -> Vec<(u128, Arc<KeptMesh>)> {
         let (limit_bytes, cluster_bytes) = (self.options.mesh_limit(), self.options.chunk_bytes());
-        let recipe = |New { key, entry, covers }: &New<'_>| {
-            Arc::new(Recipe {
+        let recipe = |NewMesh { key, entry, covers }: &NewMesh<'_>| {
+            Arc::new(MeshRecipe {
                 desc: entry.desc.clone(),
                 wanted: entry.wanted.clone(),
                 dicing: entry.dicing.clone(),
@@ -125,10 +125,10 @@ impl MeshStore {
             Some(budget) => {
                 let found: Vec<Option<KeptMesh>> = all.map(find).collect();
                 let footprint = |(new, found): (_, &Option<KeptMesh>)| match found {
-                    Some(_) => Footprint::default(),
+                    Some(_) => BuildFootprint::default(),
                     None => recipe(new).footprint(),
                 };
-                let footprints: Vec<Footprint> = new.par_iter().zip(&found).map(footprint).collect();
+                let footprints: Vec<BuildFootprint> = new.par_iter().zip(&found).map(footprint).collect();
                 self.build_within(budget, &footprints, found, |at, grant| Some(build(new.get(at)?, grant)))
             }
             None => {
@@ -144,14 +144,14 @@ impl MeshStore {
     fn build_within(
         &self,
         budget: u64,
-        footprints: &[Footprint],
+        footprints: &[BuildFootprint],
         found: Vec<Option<KeptMesh>>,
         build: impl Fn(usize, BuildGrant) -> Option<KeptMesh> + Sync,
     ) -> Vec<KeptMesh> {
-        let fits = |footprint: &Footprint| footprint.least() <= budget;
+        let fits = |footprint: &BuildFootprint| footprint.least() <= budget;
         let missing = found.iter().zip(footprints).zip(0_usize..);
         let missing = missing.filter(|((found, footprint), _)| found.is_none() && fits(footprint));
-        let (numbers, of_missing): (Vec<usize>, Vec<Footprint>) = missing.map(|((_, f), at)| (at, *f)).unzip();
+        let (numbers, of_missing): (Vec<usize>, Vec<BuildFootprint>) = missing.map(|((_, f), at)| (at, *f)).unzip();
         let build = |at: usize, grant| numbers.get(at).and_then(|at| build(*at, grant));
         let built = run_within(&self.shelf.memory, &of_missing, build);
         let mut made = found;
@@ -160,7 +160,7 @@ impl MeshStore {
                 *slot = built.flatten();
             }
         }
-        let left_out = |footprint: &Footprint| KeptMesh::left_out(too_large(footprint.least(), budget));
+        let left_out = |footprint: &BuildFootprint| KeptMesh::left_out(too_large(footprint.least(), budget));
         made.into_iter().zip(footprints).map(|(made, f)| made.unwrap_or_else(|| left_out(f))).collect()
     }
 

@@ -35,19 +35,19 @@ pub use crate::desc::{
     AssetRef, ConnectionDesc, CurveBasis, CurveWrap, CurvesDesc, DomeFormat, DroppedData, InstanceLinks, InstancedBy,
     InstancerDesc, InstancerMotion, InstancerPrototype, InstancerSample, Interpolation, LightDesc, LightKind,
     MaterialDesc, MaterialSync, MeshDesc, NamedPrimvar, NodeDesc, ParamDesc, ParamValue, PointsMotion, PointsSample,
-    PrimDesc, Primvar, ShadowReach, Shape, Shaping, Solid, SolidSize, Subdivision, SubdivisionTags, SubsetDesc,
-    TransformSample,
+    PrimDesc, PrimShape, Primvar, ShadowReach, ShapingCone, SolidDesc, SolidSize, Subdivision, SubdivisionTags,
+    SubsetDesc, TransformSample,
 };
 pub use crate::instancing::instance_primvars::InstanceColumn;
 pub use crate::instancing::motion::{MAX_KEYS, MotionKey, map_at};
 pub use dicing::DicingCamera;
-pub use lent::Lent;
-use lent::{Lending, of_instancer, of_mesh};
+pub use lent::LentBytes;
+use lent::{LentArrays, of_instancer, of_mesh};
 pub use resolve::MAX_NESTING;
 pub use snapshot::{
-    Aabb, Assembly, Attribute, Bvh2, BvhError, BvhNode, DomeTexture, Emitter, IesError, IesProfile, InstanceFlags,
-    InstanceRecord, Light, LightMotion, LightShaping, LinkTable, LocalLight, LocalShape, MeshAsset, SceneCounts,
-    SceneMesh, SceneWarning, Snapshot, SnapshotError, SurfaceTables, Target, Triangle, blackbody,
+    Aabb, Assembly, Attribute, Bvh2, BvhError, BvhNode, DomeTexture, IesError, IesProfile, InstanceFlags,
+    InstanceRecord, InstanceTarget, Light, LightEmitter, LightMotion, LightShaping, LinkTable, LocalLight, LocalShape,
+    MeshAsset, SceneCounts, SceneMesh, SceneWarning, Snapshot, SnapshotError, SurfaceTables, Triangle, blackbody,
 };
 
 pub use mesh_lights::MESH_LIGHT;
@@ -57,21 +57,21 @@ pub use summary::summary;
 pub use surfaces::PrimRecord;
 
 use crate::instancing::GroupId;
-use crate::mesh::{Demand, Dicing, HostMemory, MeshFiles};
-use crate::partition::{PartitionOptions, PartitionStore, Source, World};
-use crate::texture::{HeightFiles, Heights};
-use commit::{AssemblyStore, Assets, shining};
+use crate::mesh::{BuildDemand, DicingRate, HostMemory, MeshFiles};
+use crate::partition::{PartitionOptions, PartitionSource, PartitionStore, PartitionedWorld};
+use crate::texture::{HeightCache, HeightFiles};
+use commit::{AssemblyStore, CommittedAssets, shining};
 use dicing::dice;
 use entries::{InstancerEntry, MeshEntry};
 use mesh_lights::mesh_lights;
 use mesh_store::MeshStore;
-use report::Reports;
-use resolve::{Hierarchy, PlanGroup, PlanTarget, Prims, resolve};
-use surfaces::{MaterialEntry, Shown, SurfaceStore};
+use report::CommitReports;
+use resolve::{PlanGroup, PlanTarget, PrimHierarchy, ScenePrims, resolve};
+use surfaces::{MaterialEntry, ShownMeshes, SurfaceStore};
 
 /// The result of [`SceneDb::commit`].
 #[derive(Clone, Debug)]
-pub struct Commit {
+pub struct SceneCommit {
     /// The scene as of now; the same `Arc` as before when nothing changed.
     pub snapshot: Arc<Snapshot>,
     /// Warnings that were not given before, in path order.
@@ -82,7 +82,7 @@ pub struct Commit {
 
 /// What a prim can be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Kind {
+enum PrimKind {
     Mesh,
     Instancer,
     Light,
@@ -109,7 +109,7 @@ pub struct SceneDb {
     dicing: DicingCamera,
     height_files: Option<Arc<dyn HeightFiles>>,
     /// The count of [`Self::lent`], once somebody asked for it.
-    lending: Option<Lending>,
+    lending: Option<LentArrays>,
     /// Last message given for each prim.
     warned: BTreeMap<Arc<str>, String>,
     snapshot: Arc<Snapshot>,
@@ -148,7 +148,7 @@ impl SceneDb {
     /// Adds a mesh or replaces the prim of the same path. Cheap when the arrays are the ones given before.
     pub fn upsert_mesh(&mut self, desc: MeshDesc) {
         let path = desc.prim.path.clone();
-        let others = self.remove_other(&path, Kind::Mesh);
+        let others = self.remove_other(&path, PrimKind::Mesh);
         let (entry, changed) = MeshEntry::update(self.take_mesh(&path), desc);
         if let Some(lending) = &mut self.lending {
             lending.add(&path, of_mesh(&entry.desc));
@@ -161,7 +161,7 @@ impl SceneDb {
     /// address, else by content).
     pub fn upsert_instancer(&mut self, desc: InstancerDesc) {
         let path = desc.prim.path.clone();
-        let others = self.remove_other(&path, Kind::Instancer);
+        let others = self.remove_other(&path, PrimKind::Instancer);
         let (entry, changed) = InstancerEntry::update(self.take_instancer(&path), desc);
         if let Some(lending) = &mut self.lending {
             lending.add(&path, of_instancer(&entry.desc));
@@ -173,7 +173,7 @@ impl SceneDb {
     /// Adds a light or replaces the prim of the same path.
     pub fn upsert_light(&mut self, desc: LightDesc) {
         let path = desc.prim.path.clone();
-        let others = self.remove_other(&path, Kind::Light);
+        let others = self.remove_other(&path, PrimKind::Light);
         let changed = self.lights.get(&path) != Some(&desc);
         self.lights.insert(path, desc);
         self.edited |= changed | others;
@@ -182,7 +182,7 @@ impl SceneDb {
     /// Adds a material or replaces the prim of the same path.
     pub fn upsert_material(&mut self, desc: MaterialDesc) {
         let path = desc.path.clone();
-        let others = self.remove_other(&path, Kind::Material);
+        let others = self.remove_other(&path, PrimKind::Material);
         let (entry, changed) = MaterialEntry::update(self.materials.remove(&path), desc);
         self.materials.insert(path, entry);
         self.material_edits += u64::from(changed);
@@ -217,11 +217,11 @@ impl SceneDb {
     }
 
     /// Removes a prim of this path that is of another kind. Gives whether there was one.
-    fn remove_other(&mut self, path: &str, kind: Kind) -> bool {
-        (kind != Kind::Mesh && self.take_mesh(path).is_some())
-            | (kind != Kind::Instancer && self.take_instancer(path).is_some())
-            | (kind != Kind::Light && self.lights.remove(path).is_some())
-            | (kind != Kind::Material && self.remove_material(path))
+    fn remove_other(&mut self, path: &str, kind: PrimKind) -> bool {
+        (kind != PrimKind::Mesh && self.take_mesh(path).is_some())
+            | (kind != PrimKind::Instancer && self.take_instancer(path).is_some())
+            | (kind != PrimKind::Light && self.lights.remove(path).is_some())
+            | (kind != PrimKind::Material && self.remove_material(path))
     }
 
     fn remove_material(&mut self, path: &str) -> bool {
@@ -269,8 +269,8 @@ impl SceneDb {
     pub fn set_dicing(&mut self, camera: DicingCamera) {
         if self.dicing != camera {
             let was = std::mem::replace(&mut self.dicing, camera);
-            let rate = Dicing { pixels: f64::max(was.pixels(), self.dicing.pixels()), ..Dicing::default() };
-            let is_cut = |entry: &MeshEntry| Demand { dicing: Some(&rate), ..entry.demand() }.refines(&entry.desc);
+            let rate = DicingRate { pixels: f64::max(was.pixels(), self.dicing.pixels()), ..DicingRate::default() };
+            let is_cut = |entry: &MeshEntry| BuildDemand { dicing: Some(&rate), ..entry.demand() }.refines(&entry.desc);
             self.edited |= self.meshes.values().any(is_cut);
         }
     }
@@ -322,11 +322,11 @@ impl SceneDb {
 
     /// Works out the edits since the last commit. Builds what is new on the rayon pool; everything else is shared with
     /// the snapshot before.
-    pub fn commit(&mut self) -> Commit {
+    pub fn commit(&mut self) -> SceneCommit {
         if !std::mem::take(&mut self.edited) {
-            return Commit { snapshot: self.snapshot.clone(), warnings: Vec::new(), changed: false };
+            return SceneCommit { snapshot: self.snapshot.clone(), warnings: Vec::new(), changed: false };
         }
-        let mut reports = Reports::default();
+        let mut reports = CommitReports::default();
         let (plan, assets) = self.plan(&mut reports);
         let (made, origin) = self.assembly_store.make(&plan, &assets, self.partition.item_bytes());
         let (assemblies, buckets): (Vec<_>, Vec<_>) = made.into_iter().unzip();
@@ -337,11 +337,11 @@ impl SceneDb {
         }
         let (lights, links) = shining(&self.lights, &self.instancers, &mut reports);
         let dropped = reports.total();
-        let Assets { meshes, surfaces, .. } = assets;
+        let CommittedAssets { meshes, surfaces, .. } = assets;
         let mut next = Snapshot { origin, meshes, assemblies, lights, links, surfaces, dropped, ..Snapshot::nothing() };
         let groups: Vec<&GroupId> = plan.iter().map(|group| &group.id).collect();
         let (meshes, assemblies) = (&next.meshes[..], &next.assemblies[..]);
-        next.world = self.partition.update(Source { groups: &groups, meshes, assemblies, buckets: &buckets });
+        next.world = self.partition.update(PartitionSource { groups: &groups, meshes, assemblies, buckets: &buckets });
         let changed = self.snapshot.version == 0 || !next.is_same(&self.snapshot);
         if changed {
             next.version = self.snapshot.version + 1;
@@ -349,22 +349,22 @@ impl SceneDb {
             self.snapshot = Arc::new(next);
         }
         self.mesh_store.forget_unused();
-        Commit { snapshot: self.snapshot.clone(), warnings: self.new_warnings(&reports), changed }
+        SceneCommit { snapshot: self.snapshot.clone(), warnings: self.new_warnings(&reports), changed }
     }
 
     /// Builds the missing meshes and sorts all prims into groups.
-    fn plan(&mut self, reports: &mut Reports) -> (Vec<PlanGroup>, Assets) {
+    fn plan(&mut self, reports: &mut CommitReports) -> (Vec<PlanGroup>, CommittedAssets) {
         let purposes = &self.purposes;
         let shows = |p: &str| purposes.is_empty() || purposes.iter().any(|shown| shown == plain_purpose(p));
-        let prims = Prims { meshes: &self.meshes, instancers: &self.instancers };
-        let hierarchy = Hierarchy::new(prims, shows, reports);
+        let prims = ScenePrims { meshes: &self.meshes, instancers: &self.instancers };
+        let hierarchy = PrimHierarchy::new(prims, shows, reports);
         let reachable = hierarchy.reachable(prims, reports);
         self.surface_store.prepare(&mut self.materials, &mut self.meshes, &self.lights, &reachable, reports);
         self.surface_store.offer(&self.meshes, &mut self.instancers, &reachable, reports);
         self.mesh_store.set_options(&mut self.meshes, self.partition.options());
-        let prims = Prims { meshes: &self.meshes, instancers: &self.instancers };
+        let prims = ScenePrims { meshes: &self.meshes, instancers: &self.instancers };
         let cuts = dice(prims, &hierarchy, &reachable, &self.dicing);
-        let heights = Heights::new(self.height_files.clone());
+        let heights = HeightCache::new(self.height_files.clone());
         self.mesh_store.build(&mut self.meshes, &reachable, cuts, &heights);
         for (path, entry) in self.meshes.iter().filter(|(path, _)| reachable.contains(*path)) {
             if let Some(built) = &entry.built {
@@ -380,7 +380,7 @@ impl SceneDb {
         for (_, entry) in self.instancers.iter_mut().filter(|(path, _)| reachable.contains(*path)) {
             entry.classes.update(&entry.desc, &named);
         }
-        let prims = Prims { meshes: &self.meshes, instancers: &self.instancers };
+        let prims = ScenePrims { meshes: &self.meshes, instancers: &self.instancers };
         let (plan, linked) = resolve(prims, &hierarchy, reports);
         let mut used = Vec::new();
         for member in plan.iter().flat_map(|group| &group.members) {
@@ -390,15 +390,15 @@ impl SceneDb {
         }
         let (meshes, indices) = self.mesh_store.assign(&used);
         let lights = mesh_lights(&self.lights, &self.meshes, reports);
-        let meshes_shown = Shown { meshes: &self.meshes, lights: &lights, paths: &reachable, linked: &linked };
+        let meshes_shown = ShownMeshes { meshes: &self.meshes, lights: &lights, paths: &reachable, linked: &linked };
         let mut surfaces = self.surface_store.tables(&self.materials, meshes_shown, reports);
         surfaces.trim();
         self.mesh_store.covers.retain(&surfaces.textures);
-        (plan, Assets { meshes, indices, surfaces })
+        (plan, CommittedAssets { meshes, indices, surfaces })
     }
 
     /// The warnings that say something else than the last one for the same prim.
-    fn new_warnings(&mut self, reports: &Reports) -> Vec<SceneWarning> {
+    fn new_warnings(&mut self, reports: &CommitReports) -> Vec<SceneWarning> {
         let warnings = reports.warnings();
         let is_new = |warning: &&SceneWarning| self.warned.get(&warning.path) != Some(&warning.message);
         let new = warnings.values().filter(is_new).cloned().collect();
@@ -423,7 +423,7 @@ impl Snapshot {
             max_levels: 1,
             counts: SceneCounts { assemblies: 1, ..SceneCounts::default() },
             dropped: DroppedData::default(),
-            world: Arc::new(World::empty()),
+            world: Arc::new(PartitionedWorld::empty()),
         }
     }
 }

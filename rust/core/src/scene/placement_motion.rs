@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use glam::{DAffine3, DMat3, DVec3};
 
-use crate::instancing::motion::{Keys, MotionKey, map_at, norm_of, swept_box};
+use crate::instancing::motion::{MotionKey, PlacementKeys, map_at, norm_of, swept_box};
 
 /// Largest turn of a normal from one sampled time to the next, radians.
 const STEP: f64 = 0.1;
@@ -132,7 +132,7 @@ impl PlacementMotion {
 }
 
 /// Keys of a record as the device has them: with the place in single precision.
-pub(crate) fn as_rounded(keys: &Keys) -> Arc<[MotionKey]> {
+pub(crate) fn as_rounded(keys: &PlacementKeys) -> Arc<[MotionKey]> {
     keys.as_slice().iter().map(|key| MotionKey { translation: key.translation.as_vec3().as_dvec3(), ..*key }).collect()
 }
 

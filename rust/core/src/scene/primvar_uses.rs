@@ -10,11 +10,11 @@ use rustc_hash::FxHashMap;
 
 /// Sums by name.
 #[derive(Default)]
-struct Uses<'a> {
+struct PrimvarUses<'a> {
     by_name: FxHashMap<&'a str, PrimvarUse>,
 }
 
-impl<'a> Uses<'a> {
+impl<'a> PrimvarUses<'a> {
     /// Notes one prim's primvar, of so many bytes when it was built.
     fn note(&mut self, name: &'a str, built: Option<u64>, authored: impl FnOnce() -> u64) {
         let entry = self.by_name.entry(name).or_default();
@@ -70,7 +70,7 @@ impl SceneDb {
     /// and what it left out.
     #[must_use]
     pub fn primvar_uses(&self) -> Vec<PrimvarUse> {
-        let mut uses = Uses::default();
+        let mut uses = PrimvarUses::default();
         self.meshes.values().for_each(|entry| uses.mesh(entry));
         self.instancers.values().for_each(|entry| uses.instancer(entry));
         let named = |(name, entry): (&str, PrimvarUse)| PrimvarUse { name: name.to_owned(), ..entry };

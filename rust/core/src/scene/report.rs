@@ -39,13 +39,13 @@ impl SceneWarning {
 
 /// What was dropped, by prim, during one commit.
 #[derive(Debug, Default)]
-pub(crate) struct Reports {
+pub(crate) struct CommitReports {
     dropped: BTreeMap<Arc<str>, DroppedData>,
     /// What is no dropped data, in words.
     notes: BTreeMap<Arc<str>, Vec<String>>,
 }
 
-impl Reports {
+impl CommitReports {
     /// The counters of a prim.
     pub(crate) fn of(&mut self, path: &Arc<str>) -> &mut DroppedData {
         self.dropped.entry(path.clone()).or_default()

@@ -9,15 +9,15 @@ use glam::DAffine3;
 use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::entries::{InstancerEntry, MeshEntry};
-use super::linking::{Categories, LinkClass, LinkedPrims, MAX_LINKED_PRIMS, union};
-use super::report::Reports;
+use super::linking::{LinkCategories, LinkClass, LinkedPrims, MAX_LINKED_PRIMS, union};
+use super::report::CommitReports;
 use crate::desc::{InstancedBy, InstancerPrototype, PrimDesc, TransformSample};
 use crate::instancing::GroupId;
 use crate::instancing::array_motion::transform_motion;
 use crate::instancing::instance_primvars::MemberPrimvar;
-use crate::instancing::motion::{Keys, MotionKey};
+use crate::instancing::motion::{MotionKey, PlacementKeys};
 use crate::instancing::placement::usable_affine;
-use crate::instancing::run::{Instances, TransformKey};
+use crate::instancing::run::{PrototypeInstances, TransformKey};
 use crate::mesh::SceneMesh;
 
 /// Most levels of instancers in each other.
@@ -44,7 +44,7 @@ pub(crate) struct PlanMember {
     /// Instance frame from the target's frame.
     pub(crate) after: DAffine3,
     /// `None`: placed once.
-    pub(crate) instances: Option<Instances>,
+    pub(crate) instances: Option<PrototypeInstances>,
     /// What is placed.
     pub(crate) target: PlanTarget,
     /// Primvars of the instancer that something below reads.
@@ -69,28 +69,28 @@ pub(crate) struct PlanGroup {
 
 /// Prims of a group by path.
 #[derive(Debug, Default)]
-pub(crate) struct Content {
+pub(crate) struct GroupContent {
     pub(crate) meshes: Vec<Arc<str>>,
     pub(crate) instancers: Vec<Arc<str>>,
 }
 
 /// All groups that prims refer to, with their content. Hidden prims are left out.
 #[derive(Debug, Default)]
-pub(crate) struct Hierarchy {
-    groups: FxHashMap<GroupId, Content>,
-    nothing: Content,
+pub(crate) struct PrimHierarchy {
+    groups: FxHashMap<GroupId, GroupContent>,
+    nothing: GroupContent,
 }
 
 /// The database's prims as the resolver sees them.
 #[derive(Clone, Copy)]
-pub(crate) struct Prims<'a> {
+pub(crate) struct ScenePrims<'a> {
     pub(crate) meshes: &'a BTreeMap<Arc<str>, MeshEntry>,
     pub(crate) instancers: &'a BTreeMap<Arc<str>, InstancerEntry>,
 }
 
-impl Hierarchy {
+impl PrimHierarchy {
     /// Sorts the prims into groups. `shows` says which purposes are shown.
-    pub(crate) fn new(prims: Prims<'_>, shows: impl Fn(&str) -> bool, reports: &mut Reports) -> Self {
+    pub(crate) fn new(prims: ScenePrims<'_>, shows: impl Fn(&str) -> bool, reports: &mut CommitReports) -> Self {
         let mut hierarchy = Self::default();
         for entry in prims.meshes.values().filter(|e| e.desc.prim.visible && shows(&e.desc.prim.purpose)) {
             hierarchy.add(prims, &entry.desc.prim, reports, |content| &mut content.meshes);
@@ -103,10 +103,10 @@ impl Hierarchy {
 
     fn add(
         &mut self,
-        prims: Prims<'_>,
+        prims: ScenePrims<'_>,
         prim: &PrimDesc,
-        reports: &mut Reports,
-        list: fn(&mut Content) -> &mut Vec<Arc<str>>,
+        reports: &mut CommitReports,
+        list: fn(&mut GroupContent) -> &mut Vec<Arc<str>>,
     ) {
         if usable_affine(&prim.transform).is_none() {
             reports.of(&prim.path).prim_transforms += 1;
@@ -126,13 +126,13 @@ impl Hierarchy {
         }
     }
 
-    pub(crate) fn content(&self, id: &GroupId) -> &Content {
+    pub(crate) fn content(&self, id: &GroupId) -> &GroupContent {
         self.groups.get(id).unwrap_or(&self.nothing)
     }
 
     /// Paths of the meshes and instancers that can be reached from the world, and which instancers cannot because they
     /// contain themselves.
-    pub(crate) fn reachable(&self, prims: Prims<'_>, reports: &mut Reports) -> FxHashSet<Arc<str>> {
+    pub(crate) fn reachable(&self, prims: ScenePrims<'_>, reports: &mut CommitReports) -> FxHashSet<Arc<str>> {
         let mut reached: FxHashSet<Arc<str>> = FxHashSet::default();
         let mut open = vec![&GroupId::Root];
         let mut ids: FxHashMap<&str, Vec<&GroupId>> = FxHashMap::default();
@@ -157,7 +157,7 @@ impl Hierarchy {
 
     /// Peels off the unreached instancers whose parents are all reached, missing or peeled; what remains is on a cycle
     /// or below one.
-    fn report_cycles(&self, prims: Prims<'_>, reached: &FxHashSet<Arc<str>>, reports: &mut Reports) {
+    fn report_cycles(&self, prims: ScenePrims<'_>, reached: &FxHashSet<Arc<str>>, reports: &mut CommitReports) {
         let mut waits: BTreeMap<&Arc<str>, usize> = BTreeMap::new();
         let mut children: FxHashMap<&Arc<str>, Vec<&Arc<str>>> = FxHashMap::default();
         let unreached = |path: &Arc<str>| prims.instancers.contains_key(path) && !reached.contains(path);
@@ -190,7 +190,7 @@ impl Hierarchy {
 
 /// What became of a group.
 #[derive(Clone, Debug)]
-enum Outcome {
+enum GroupOutcome {
     /// Being resolved further up: meeting it again is a cycle.
     Open,
     /// Nothing to see.
@@ -202,8 +202,12 @@ enum Outcome {
 }
 
 /// Makes the plan, in which all meshes that have assets are placed; and those seen in collections beside their own.
-pub(crate) fn resolve(prims: Prims<'_>, hierarchy: &Hierarchy, reports: &mut Reports) -> (Vec<PlanGroup>, LinkedPrims) {
-    let mut resolver = Resolver {
+pub(crate) fn resolve(
+    prims: ScenePrims<'_>,
+    hierarchy: &PrimHierarchy,
+    reports: &mut CommitReports,
+) -> (Vec<PlanGroup>, LinkedPrims) {
+    let mut resolver = SceneResolver {
         prims,
         hierarchy,
         reports,
@@ -212,28 +216,28 @@ pub(crate) fn resolve(prims: Prims<'_>, hierarchy: &Hierarchy, reports: &mut Rep
         split: FxHashMap::default(),
         linked: LinkedPrims::default(),
     };
-    let members = resolver.members(&GroupId::Root, &Categories::default(), 0);
+    let members = resolver.members(&GroupId::Root, &LinkCategories::default(), 0);
     resolver.push(GroupId::Root, members);
     (resolver.plan, resolver.linked)
 }
 
 /// The name of a group in the collections of the instances above it.
-fn linked_id(id: GroupId, categories: &Categories) -> GroupId {
+fn linked_id(id: GroupId, categories: &LinkCategories) -> GroupId {
     if categories.is_empty() { id } else { GroupId::Linked(Box::new(id), Arc::clone(categories)) }
 }
 
-struct Resolver<'a> {
-    prims: Prims<'a>,
-    hierarchy: &'a Hierarchy,
-    reports: &'a mut Reports,
-    outcomes: FxHashMap<GroupId, Outcome>,
+struct SceneResolver<'a> {
+    prims: ScenePrims<'a>,
+    hierarchy: &'a PrimHierarchy,
+    reports: &'a mut CommitReports,
+    outcomes: FxHashMap<GroupId, GroupOutcome>,
     plan: Vec<PlanGroup>,
     /// Groups of clusters: by the first cluster's hash and the prim id.
     split: FxHashMap<(u128, i32), usize>,
     linked: LinkedPrims,
 }
 
-impl Resolver<'_> {
+impl SceneResolver<'_> {
     fn push(&mut self, id: GroupId, mut members: Vec<PlanMember>) -> usize {
         members.sort_by(|a, b| (&a.path, a.slot).cmp(&(&b.path, b.slot)));
         let below = members.iter().map(|m| self.levels_of(&m.target)).max().unwrap_or(0);
@@ -253,7 +257,7 @@ impl Resolver<'_> {
 
     /// The members of a group below instances that are in `above`, at `depth` records below the root. Depth is bounded,
     /// so the recursion is.
-    fn members(&mut self, id: &GroupId, above: &Categories, depth: u32) -> Vec<PlanMember> {
+    fn members(&mut self, id: &GroupId, above: &LinkCategories, depth: u32) -> Vec<PlanMember> {
         let (prims, content) = (self.prims, self.hierarchy.content(id));
         let mut members: Vec<PlanMember> =
             content.meshes.iter().filter_map(|path| self.mesh_member(prims.meshes.get(path)?, above)).collect();
@@ -274,9 +278,9 @@ impl Resolver<'_> {
                 let by = InstancedBy { instancer: path.clone(), prototype_root: prototype.root.clone() };
                 let here = union(above, &class.categories);
                 let (after, target, mut lacks) = match self.outcome(&GroupId::Prototype(by), &here, depth + 1) {
-                    Outcome::Open | Outcome::Nothing => continue,
-                    Outcome::OneMesh(mesh) => (mesh.before, mesh.target, mesh.lacks),
-                    Outcome::Group(index) => {
+                    GroupOutcome::Open | GroupOutcome::Nothing => continue,
+                    GroupOutcome::OneMesh(mesh) => (mesh.before, mesh.target, mesh.lacks),
+                    GroupOutcome::Group(index) => {
                         let lacks = self.plan.get(index).map(|group| group.lacks.clone()).unwrap_or_default();
                         (DAffine3::IDENTITY, PlanTarget::Group(index), lacks)
                     }
@@ -286,7 +290,7 @@ impl Resolver<'_> {
                     continue;
                 }
                 let (arrays, indices) = (entry.arrays.clone(), prototype.indices.clone());
-                let instances = Some(Instances { arrays, indices, chosen });
+                let instances = Some(PrototypeInstances { arrays, indices, chosen });
                 let offers = entry.offers.iter().filter(|offer| lacks.contains(&offer.id));
                 let primvars: Vec<MemberPrimvar> = offers.cloned().collect();
                 lacks.retain(|id| primvars.iter().all(|primvar| primvar.id != *id));
@@ -316,14 +320,14 @@ impl Resolver<'_> {
         members
     }
 
-    fn outcome(&mut self, plain: &GroupId, above: &Categories, depth: u32) -> Outcome {
+    fn outcome(&mut self, plain: &GroupId, above: &LinkCategories, depth: u32) -> GroupOutcome {
         let id = linked_id(plain.clone(), above);
         match self.outcomes.get(&id) {
-            Some(Outcome::Open) => {
+            Some(GroupOutcome::Open) => {
                 if let GroupId::Prototype(by) = plain {
                     self.reports.of(&by.instancer).instancer_cycles += 1;
                 }
-                return Outcome::Nothing;
+                return GroupOutcome::Nothing;
             }
             Some(known) => return known.clone(),
             None => {}
@@ -332,9 +336,9 @@ impl Resolver<'_> {
             if let GroupId::Prototype(by) = plain {
                 self.reports.of(&by.instancer).deep_instancers += 1;
             }
-            return Outcome::Nothing;
+            return GroupOutcome::Nothing;
         }
-        self.outcomes.insert(id.clone(), Outcome::Open);
+        self.outcomes.insert(id.clone(), GroupOutcome::Open);
         let mut members = self.members(plain, above, depth);
         // What moves by itself, or turns about a point that is not its own origin, keeps its own record: only so is its
         // way that of its keys.
@@ -349,18 +353,18 @@ impl Resolver<'_> {
         };
         let one_mesh = members.len() == 1 && members.iter().all(joins);
         let outcome = match members.pop() {
-            None => Outcome::Nothing,
-            Some(member) if one_mesh => Outcome::OneMesh(Box::new(member)),
+            None => GroupOutcome::Nothing,
+            Some(member) if one_mesh => GroupOutcome::OneMesh(Box::new(member)),
             Some(member) => {
                 members.push(member);
-                Outcome::Group(self.push(id.clone(), members))
+                GroupOutcome::Group(self.push(id.clone(), members))
             }
         };
         self.outcomes.insert(id, outcome.clone());
         outcome
     }
 
-    fn mesh_member(&mut self, entry: &MeshEntry, above: &Categories) -> Option<PlanMember> {
+    fn mesh_member(&mut self, entry: &MeshEntry, above: &LinkCategories) -> Option<PlanMember> {
         let built = entry.built.as_ref()?;
         let prim_id = self.linked.prim_id(self.prims.meshes, entry, above).unwrap_or_else(|| {
             let most = format!("limits of the renderer: {MAX_LINKED_PRIMS} prims in other collections than their own");
@@ -442,7 +446,7 @@ fn transform_keys(prim: &PrimDesc) -> Result<Option<Vec<TransformKey>>, String> 
     let Some(transforms) = samples.iter().map(key).collect::<Option<Vec<TransformKey>>>() else {
         return Err("a sample of its transform is singular or not finite".to_owned());
     };
-    let mut keys = Keys::new();
+    let mut keys = PlacementKeys::new();
     if !transforms.iter().all(|at| MotionKey::of(at.time, &at.before).is_some_and(|key| keys.push(key))) {
         return Err("its transform is turned inside out between two samples".to_owned());
     }

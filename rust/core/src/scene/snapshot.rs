@@ -10,14 +10,14 @@ use glam::DVec3;
 use super::surfaces::PrimRecord;
 use crate::desc::DroppedData;
 use crate::material::{Material, TextureRef};
-use crate::partition::World;
+use crate::partition::PartitionedWorld;
 
 pub use super::light::{
-    DomeTexture, Emitter, IesError, IesProfile, Light, LightMotion, LightShaping, LinkTable, LocalLight, LocalShape,
-    blackbody,
+    DomeTexture, IesError, IesProfile, Light, LightEmitter, LightMotion, LightShaping, LinkTable, LocalLight,
+    LocalShape, blackbody,
 };
 pub use super::report::SceneWarning;
-pub use crate::instancing::assembly::{Assembly, InstanceFlags, InstanceRecord, Target};
+pub use crate::instancing::assembly::{Assembly, InstanceFlags, InstanceRecord, InstanceTarget};
 pub use crate::mesh::{Aabb, Attribute, Bvh2, BvhError, BvhNode, LeafKind, MeshAsset, SceneMesh, Triangle};
 
 /// Sizes of a scene.
@@ -72,9 +72,10 @@ pub struct Snapshot {
     pub version: u64,
     /// World point that is (0, 0, 0) in the root assembly's frame. Kept across edits unless the scene moves far.
     pub origin: DVec3,
-    /// Unique meshes in use; [`Target::Mesh`] indexes this. Indices of kept meshes change as little as possible.
+    /// Unique meshes in use; [`InstanceTarget::Mesh`] indexes this. Indices of kept meshes change as little as
+    /// possible.
     pub meshes: Vec<Arc<SceneMesh>>,
-    /// [`Target::Assembly`] indexes this. Children come before parents, the root is last and always there.
+    /// [`InstanceTarget::Assembly`] indexes this. Children come before parents, the root is last and always there.
     pub assemblies: Vec<Arc<Assembly>>,
     /// Lights that shine, by path.
     pub lights: Vec<Light>,
@@ -93,7 +94,7 @@ pub struct Snapshot {
     /// Bad data left out.
     pub dropped: DroppedData,
     /// The same scene cut into chunks.
-    pub world: Arc<World>,
+    pub world: Arc<PartitionedWorld>,
 }
 
 /// A broken invariant of a [`Snapshot`]: always a bug of this crate.

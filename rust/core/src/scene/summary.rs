@@ -15,7 +15,7 @@ const FEW: usize = 4;
 const MOST_LINES: usize = 100;
 
 /// Prims that say the like.
-struct Group<'a> {
+struct WarningGroup<'a> {
     members: Vec<&'a SceneWarning>,
     dropped: DroppedData,
     /// Whether all say the same notes.
@@ -26,11 +26,11 @@ struct Group<'a> {
 #[must_use]
 pub fn summary(warnings: &[SceneWarning]) -> Vec<String> {
     let mut numbers = FxHashMap::default();
-    let mut groups: Vec<Group<'_>> = Vec::new();
+    let mut groups: Vec<WarningGroup<'_>> = Vec::new();
     for warning in warnings {
         let number = *numbers.entry(kind(&warning.message)).or_insert(groups.len());
         if number == groups.len() {
-            groups.push(Group { members: Vec::new(), dropped: DroppedData::NONE, is_same: true });
+            groups.push(WarningGroup { members: Vec::new(), dropped: DroppedData::NONE, is_same: true });
         }
         let Some(group) = groups.get_mut(number) else { continue };
         group.is_same &= group.members.first().is_none_or(|first| first.notes == warning.notes);
@@ -38,7 +38,7 @@ pub fn summary(warnings: &[SceneWarning]) -> Vec<String> {
         group.members.push(warning);
     }
     // In path order, as they came, those that are told one by one.
-    let mut lines: Vec<(&str, String)> = groups.iter().flat_map(Group::lines).collect();
+    let mut lines: Vec<(&str, String)> = groups.iter().flat_map(WarningGroup::lines).collect();
     lines.sort_by_key(|(path, _)| *path);
     let more = lines.len().saturating_sub(MOST_LINES);
     let mut lines: Vec<String> = lines.into_iter().take(MOST_LINES).map(|(_, line)| line).collect();
@@ -46,7 +46,7 @@ pub fn summary(warnings: &[SceneWarning]) -> Vec<String> {
     lines
 }
 
-impl<'a> Group<'a> {
+impl<'a> WarningGroup<'a> {
     /// The lines, each with the path of its first prim.
     fn lines(&self) -> Vec<(&'a str, String)> {
         let prims: FxHashSet<&str> = self.members.iter().map(|warning| &*warning.path).collect();

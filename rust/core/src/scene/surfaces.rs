@@ -8,16 +8,18 @@ use std::sync::Arc;
 
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use super::entries::{Cutouts, InstancerEntry, MeshEntry};
+use super::entries::{InstancerEntry, MeshEntry, SlotCutouts};
 use super::linking::LinkedPrims;
 use super::mesh_lights::{MESH_LIGHT, MeshLight};
-use super::report::Reports;
+use super::report::CommitReports;
 use super::snapshot::SurfaceTables;
-use crate::desc::{LightDesc, MaterialDesc, MeshDesc, Shape};
+use crate::desc::{LightDesc, MaterialDesc, MeshDesc, PrimShape};
 use crate::instancing::instance_primvars::{InstancePrimvar, MemberPrimvar};
-use crate::material::{ACROSS_NAME, Compiled, Cutout, Input, Material, PTEX_SET, TextureRef, built_in, compile};
-use crate::mesh::{Displacements, WantedPrimvar};
-use oocpt_materialx::program::{Lookup, REGISTERS};
+use crate::material::{
+    ACROSS_NAME, CompiledMaterial, Cutout, InputValue, Material, PTEX_SET, TextureRef, built_in, compile,
+};
+use crate::mesh::{SlotDisplacements, WantedPrimvar};
+use oocpt_materialx::program::{ProgramLookup, REGISTERS};
 
 /// What a prim looks like: an entry of [`SurfaceTables::prims`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -34,7 +36,7 @@ pub struct PrimRecord {
 
 /// The meshes that tables are made for.
 #[derive(Clone, Copy)]
-pub(crate) struct Shown<'a> {
+pub(crate) struct ShownMeshes<'a> {
     pub(crate) meshes: &'a BTreeMap<Arc<str>, MeshEntry>,
     pub(crate) lights: &'a FxHashMap<Arc<str>, MeshLight>,
     pub(crate) paths: &'a FxHashSet<Arc<str>>,
@@ -45,7 +47,7 @@ pub(crate) struct Shown<'a> {
 #[derive(Debug)]
 pub(crate) struct MaterialEntry {
     pub(crate) desc: MaterialDesc,
-    compiled: Option<Arc<Compiled>>,
+    compiled: Option<Arc<CompiledMaterial>>,
     /// Of `compiled`.
     cutout: Option<Arc<Cutout>>,
 }
@@ -59,7 +61,7 @@ impl MaterialEntry {
         }
     }
 
-    fn compiled(&mut self) -> &Arc<Compiled> {
+    fn compiled(&mut self) -> &Arc<CompiledMaterial> {
         let Self { desc, compiled, cutout } = self;
         compiled.get_or_insert_with(|| {
             let compiled = compile(desc);
@@ -125,10 +127,10 @@ fn is_emissive(desc: &MeshDesc, materials: &BTreeMap<Arc<str>, MaterialEntry>) -
 }
 
 /// How materials cut a mesh out.
-fn cutouts(desc: &MeshDesc, materials: &BTreeMap<Arc<str>, MaterialEntry>) -> Cutouts {
+fn cutouts(desc: &MeshDesc, materials: &BTreeMap<Arc<str>, MaterialEntry>) -> SlotCutouts {
     let cutout = |material: Option<&Arc<str>>| materials.get(material?)?.cutout.clone();
-    let all: Cutouts = bindings(desc).map(cutout).collect();
-    let is_cut = matches!(desc.shape, Shape::Mesh) && all.iter().any(Option::is_some);
+    let all: SlotCutouts = bindings(desc).map(cutout).collect();
+    let is_cut = matches!(desc.shape, PrimShape::Mesh) && all.iter().any(Option::is_some);
     if is_cut { all } else { Vec::new() }
 }
 
@@ -141,7 +143,7 @@ impl SurfaceStore {
         meshes: &mut BTreeMap<Arc<str>, MeshEntry>,
         lights: &BTreeMap<Arc<str>, LightDesc>,
         shown: &FxHashSet<Arc<str>>,
-        reports: &mut Reports,
+        reports: &mut CommitReports,
     ) {
         for (path, entry) in meshes.iter_mut().filter(|(path, _)| shown.contains(*path)) {
             let mut names: Vec<&Arc<str>> = Vec::new();
@@ -162,7 +164,7 @@ impl SurfaceStore {
                     lacks.extend(shown.iter().filter(|(name, _)| !has(&entry.desc, name)).map(|(_, id)| *id));
                     continue;
                 };
-                let is_curve = matches!(entry.desc.shape, Shape::Curves(_));
+                let is_curve = matches!(entry.desc.shape, PrimShape::Curves(_));
                 if material.flags.contains(MaterialFlags::HAIR) && !is_curve {
                     reports.note(path, NO_CURVE.to_owned());
                 }
@@ -187,7 +189,7 @@ impl SurfaceStore {
             wanted.dedup();
             let displacement =
                 |material: Option<&Arc<str>>| materials.get(material?)?.compiled.as_ref()?.displacement.clone();
-            let mut displacements: Displacements = bindings(&entry.desc).map(displacement).collect();
+            let mut displacements: SlotDisplacements = bindings(&entry.desc).map(displacement).collect();
             if displacements.iter().all(Option::is_none) {
                 displacements.clear();
             }
@@ -211,7 +213,7 @@ impl SurfaceStore {
         meshes: &BTreeMap<Arc<str>, MeshEntry>,
         instancers: &mut BTreeMap<Arc<str>, InstancerEntry>,
         shown: &FxHashSet<Arc<str>>,
-        reports: &mut Reports,
+        reports: &mut CommitReports,
     ) {
         let lacking: FxHashSet<u32> = meshes
             .iter()
@@ -253,10 +255,10 @@ impl SurfaceStore {
     pub(crate) fn tables(
         &mut self,
         materials: &BTreeMap<Arc<str>, MaterialEntry>,
-        shown: Shown<'_>,
-        reports: &mut Reports,
+        shown: ShownMeshes<'_>,
+        reports: &mut CommitReports,
     ) -> SurfaceTables {
-        let Shown { meshes, lights, paths: shown, linked } = shown;
+        let ShownMeshes { meshes, lights, paths: shown, linked } = shown;
         let is_linked: FxHashSet<&Arc<str>> = linked.list().iter().map(|prim| &prim.path).collect();
         let mut linked_slots: FxHashMap<&Arc<str>, Vec<u32>> = FxHashMap::default();
         let mut tables = SurfaceTables::default();
@@ -325,7 +327,7 @@ impl SurfaceStore {
             u32::try_from(at).unwrap_or_default()
         };
         for input in &mut linked.inputs {
-            if let Input::Texture { texture, .. } = input
+            if let InputValue::Texture { texture, .. } = input
                 && let Some(reference) = local.get(*texture as usize)
             {
                 *texture = index_of(reference);
@@ -348,7 +350,7 @@ impl SurfaceTables {
         path: &Arc<str>,
         prim_id: i32,
         (record, mut categories, slots): (PrimRecord, Vec<Arc<str>>, Vec<u32>),
-        reports: &mut Reports,
+        reports: &mut CommitReports,
     ) {
         let has_material = slots.iter().any(|&slot| slot != NO_MATERIAL);
         categories.sort_unstable();
@@ -435,19 +437,19 @@ impl SurfaceTables {
         if self.material_slots.iter().any(|&slot| slot != NO_MATERIAL && slot as usize >= self.materials.len()) {
             return Err("material slots");
         }
-        let sound = |at: usize, input: &Input, material: &Material| match *input {
-            Input::Constant(value) => value.iter().all(|v| v.is_finite()),
-            Input::Texture { texture, uv, .. } => {
+        let sound = |at: usize, input: &InputValue, material: &Material| match *input {
+            InputValue::Constant(value) => value.iter().all(|v| v.is_finite()),
+            InputValue::Texture { texture, uv, .. } => {
                 (texture as usize) < self.textures.len() && uv.is_none_or(|uv| usize::from(uv) < material.uv_sets.len())
             }
-            Input::Primvar { slot, .. } => usize::from(slot) < material.primvars.len(),
-            Input::Register(register) => {
+            InputValue::Primvar { slot, .. } => usize::from(slot) < material.primvars.len(),
+            InputValue::Register(register) => {
                 let is_opacity = at == MaterialInput::Opacity as usize;
                 let program = if is_opacity { &material.opacity_program } else { &material.program };
                 usize::from(register) < REGISTERS && !program.instructions.is_empty()
             }
         };
-        let known = |lookup: &Lookup| (lookup.texture as usize) < self.textures.len();
+        let known = |lookup: &ProgramLookup| (lookup.texture as usize) < self.textures.len();
         let all_sound = |material: &Arc<Material>| {
             material.inputs.iter().enumerate().all(|(at, input)| sound(at, input, material))
                 && material.program_lookups().all(known)

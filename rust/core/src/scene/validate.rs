@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Walks every invariant of a snapshot. For tests and for `doctor`; costs one encode of everything.
 
-use super::snapshot::{InstanceRecord, Snapshot, SnapshotError, Target};
+use super::snapshot::{InstanceRecord, InstanceTarget, Snapshot, SnapshotError};
 use crate::instancing::validate::validate_record;
 use crate::mesh::{Aabb, AnyAttribute, Attribute, MeshAsset, MeshSummary};
 use oocpt_abi::AttributeRate;
@@ -53,8 +53,8 @@ impl Snapshot {
             assembly.encode(start..end, records);
             for (record, number) in records.iter().zip(start..) {
                 let (inside, below, leaves) = match record.target {
-                    Target::Mesh(m) => self.meshes.get(m as usize).map(|m| (m.bounds, 0, 1)),
-                    Target::Assembly(a) => {
+                    InstanceTarget::Mesh(m) => self.meshes.get(m as usize).map(|m| (m.bounds, 0, 1)),
+                    InstanceTarget::Assembly(a) => {
                         let child = self.assemblies.get(a as usize).map(|a| a.bounds());
                         let known = levels.get(a as usize).zip(placed.get(a as usize));
                         child.zip(known).map(|(bounds, (&levels, &count))| (bounds, levels, count))

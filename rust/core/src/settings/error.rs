@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Why a setting is not taken.
 
-use super::Value;
+use super::SettingValue;
 
 /// Why a setting was not taken; it keeps its value.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -25,7 +25,7 @@ pub enum SettingError {
         /// What it takes.
         expected: &'static str,
         /// What came.
-        value: Value,
+        value: SettingValue,
     },
     /// The text is not one of those that the setting knows.
     #[error("setting {key}: {value:?} is none of {}", .allowed.join(", "))]

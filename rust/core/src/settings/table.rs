@@ -8,7 +8,7 @@ use crate::residency::PolicyKind;
 
 /// Whom a setting is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Audience {
+pub enum SettingAudience {
     /// People who render: hosts list it.
     User,
     /// People who develop the renderer: hosts do not list it.
@@ -18,7 +18,7 @@ pub enum Audience {
 /// What a setting is about, which says who may set it. Scenes come from strangers: what a machine has and keeps is not
 /// for them to say. The environment and the host's own settings set all.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Scope {
+pub enum SettingScope {
     /// What the picture is: a scene may set it.
     Scene,
     /// How an application shows it: a scene may set it.
@@ -27,7 +27,7 @@ pub enum Scope {
     Machine,
 }
 
-impl Scope {
+impl SettingScope {
     /// As the book calls it.
     #[must_use]
     pub fn name(self) -> &'static str {
@@ -50,13 +50,13 @@ pub(super) struct Row {
     /// One line of help.
     pub(super) help: &'static str,
     /// Whom it is for.
-    pub(super) audience: Audience,
+    pub(super) audience: SettingAudience,
     /// Who may set it.
-    pub(super) scope: Scope,
+    pub(super) scope: SettingScope,
 }
 
 /// How a value is checked and stored.
-pub(super) enum Field<'a> {
+pub(super) enum SettingField<'a> {
     Bool(&'a mut bool),
     Int(&'a mut u32, u32, u32),
     Float(&'a mut f32, f32, f32),
@@ -96,9 +96,9 @@ macro_rules! settings {
 
         impl Settings {
             /// Where the value of a key is, and how it is checked.
-            pub(super) fn field(&mut self, key: &str) -> Result<Field<'_>, SettingError> {
+            pub(super) fn field(&mut self, key: &str) -> Result<SettingField<'_>, SettingError> {
                 Ok(match key {
-                    $($key => Field::$kind(&mut self.$field $(, $bound)*),)+
+                    $($key => SettingField::$kind(&mut self.$field $(, $bound)*),)+
                     _ => return Err(SettingError::Unknown(key.to_owned())),
                 })
             }
@@ -110,8 +110,8 @@ macro_rules! settings {
             variable: $variable,
             name: $name,
             help: $help,
-            audience: Audience::$audience,
-            scope: Scope::$scope,
+            audience: SettingAudience::$audience,
+            scope: SettingScope::$scope,
         },)+];
     };
 }
@@ -176,10 +176,6 @@ settings! {
     Float(target_error, 0.0, 1e9): f32 = 0.0;
         User Scene "oocpt:targetError" "OOCPT_TARGET_ERROR" "Target error"
         "Stop when the relative mean squared error is below this, by the upper end of its interval; 0 = no limit";
-    Text(carry): String = String::new();
-        Developer Machine "oocpt:carry" "OOCPT_CARRY" "Carry"
-        "Features to compile in although the scene does not need them, to measure what they cost: names, or all; \
-         empty = none";
     Bool(straggler_roulette): bool = false, "See `residency::roulette`.";
         User Scene "oocpt:stragglerRoulette" "OOCPT_STRAGGLER_ROULETTE" "Straggler roulette"
         "Russian roulette on rays that wait for expensive loads: unbiased, but other bits at each budget and run";
@@ -233,7 +229,7 @@ mod tests {
         let users = include_str!("../../../book/src/settings.md");
         let developers = include_str!("../../../book/src/developer-settings.md");
         for row in TABLE {
-            let page = if row.audience == Audience::User { users } else { developers };
+            let page = if row.audience == SettingAudience::User { users } else { developers };
             let begin = ["", &format!("`{}`", row.key), &format!("`{}`", row.variable), row.scope.name()];
             assert_eq!(cells(page, row.key).get(..4), Some(&begin[..]), "the row of {} begins so", row.key);
         }
@@ -244,7 +240,7 @@ mod tests {
         for row in TABLE {
             let named = ["File", "file", "Folder", "KiB", "MiB", "Device ", "EXR"];
             let is_of_machine = named.iter().any(|word| row.help.contains(word));
-            assert!(!is_of_machine || row.scope == Scope::Machine, "{}: {}", row.key, row.help);
+            assert!(!is_of_machine || row.scope == SettingScope::Machine, "{}: {}", row.key, row.help);
         }
     }
 }

@@ -20,22 +20,22 @@ const PARTS: usize = 10;
 const FIRST_MEMBER: u32 = 1001;
 
 /// Corners of a rectangle of places in a texture.
-pub(crate) type Region = [[f64; 2]; 2];
+pub(crate) type UvRegion = [[f64; 2]; 2];
 
 /// What is there of an image, or of a set of images.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct CoveredImage(Parts);
+pub(crate) struct CoveredImage(CoveredParts);
 
 #[derive(Clone, Debug, PartialEq)]
-enum Parts {
-    One(Grid),
+enum CoveredParts {
+    One(CellBits),
     /// What is not there is not known.
-    Set(Vec<Option<Grid>>),
+    Set(Vec<Option<CellBits>>),
 }
 
 /// Cells of an image, a bit each.
 #[derive(Clone, Debug, PartialEq)]
-struct Grid {
+struct CellBits {
     size: [u32; 2],
     /// Words of a row.
     stride: usize,
@@ -61,18 +61,18 @@ impl CoveredImage {
     /// Reads an image; none where nothing is known of it, or all of it is there.
     pub(crate) fn read(image: &CutoutImage, files: &dyn HeightFiles) -> Option<Self> {
         if !image.texture.is_udim() {
-            return Grid::read(image, 0, files).map(|grid| Self(Parts::One(grid)));
+            return CellBits::read(image, 0, files).map(|grid| Self(CoveredParts::One(grid)));
         }
         let members = (FIRST_MEMBER..).take(PARTS * PARTS);
-        let parts: Vec<Option<Grid>> = members.map(|member| Grid::read(image, member, files)).collect();
-        parts.iter().any(Option::is_some).then_some(Self(Parts::Set(parts)))
+        let parts: Vec<Option<CellBits>> = members.map(|member| CellBits::read(image, member, files)).collect();
+        parts.iter().any(Option::is_some).then_some(Self(CoveredParts::Set(parts)))
     }
 
     /// Adds all that it says.
     pub(crate) fn hash(&self, hasher: &mut Xxh3) {
         match &self.0 {
-            Parts::One(grid) => grid.hash(hasher),
-            Parts::Set(parts) => parts.iter().for_each(|part| match part {
+            CoveredParts::One(grid) => grid.hash(hasher),
+            CoveredParts::Set(parts) => parts.iter().for_each(|part| match part {
                 Some(grid) => grid.hash(hasher),
                 None => hasher.update(&[u8::MAX]),
             }),
@@ -81,7 +81,7 @@ impl CoveredImage {
 
     /// Bounds of what is there in a rectangle; none where nothing is. `seam`: what is narrower than this beyond the
     /// edge of an image does not count.
-    pub(crate) fn within(&self, region: Region, seam: [f64; 2]) -> Option<Region> {
+    pub(crate) fn within(&self, region: UvRegion, seam: [f64; 2]) -> Option<UvRegion> {
         let [low, high] = region;
         let is_near = |axis: usize| {
             high[axis] - low[axis] <= LONGEST && low[axis].abs() <= FARTHEST && high[axis].abs() <= FARTHEST
@@ -89,7 +89,7 @@ impl CoveredImage {
         if !(is_near(0) && is_near(1)) {
             return Some(region);
         }
-        if let Parts::One(grid) = &self.0
+        if let CoveredParts::One(grid) = &self.0
             && grid.leaves(region)
         {
             return Some(region);
@@ -107,10 +107,10 @@ impl CoveredImage {
     }
 
     /// The same for the part of the rectangle in a unit square.
-    fn within_unit(&self, region: Region, unit: [i64; 2]) -> Option<Region> {
+    fn within_unit(&self, region: UvRegion, unit: [i64; 2]) -> Option<UvRegion> {
         match &self.0 {
-            Parts::One(grid) => grid.within(region, unit, grid.wrap),
-            Parts::Set(parts) => {
+            CoveredParts::One(grid) => grid.within(region, unit, grid.wrap),
+            CoveredParts::Set(parts) => {
                 let number = |at: i64| usize::try_from(at).ok().filter(|at| *at < PARTS);
                 let part = number(unit[0]).zip(number(unit[1])).and_then(|(s, t)| parts.get(s + PARTS * t)?.as_ref());
                 match part {
@@ -122,27 +122,27 @@ impl CoveredImage {
     }
 }
 
-fn union([a, b]: Region, [c, d]: Region) -> Region {
+fn union([a, b]: UvRegion, [c, d]: UvRegion) -> UvRegion {
     [[0, 1].map(|i| a[i].min(c[i])), [0, 1].map(|i| b[i].max(d[i]))]
 }
 
 /// The part of a rectangle in a unit square.
 #[expect(clippy::cast_precision_loss, reason = "not far away")]
-fn inside([low, high]: Region, unit: [i64; 2]) -> Region {
+fn inside([low, high]: UvRegion, unit: [i64; 2]) -> UvRegion {
     let unit = unit.map(|at| at as f64);
     [[0, 1].map(|i| low[i].max(unit[i])), [0, 1].map(|i| high[i].min(unit[i] + 1.0))]
 }
 
 /// Cells along an axis, and where they are.
 #[derive(Clone, Copy)]
-struct Span {
+struct CellSpan {
     first: u32,
     last: u32,
-    place: Place,
+    place: SpanPlace,
 }
 
 #[derive(Clone, Copy)]
-enum Place {
+enum SpanPlace {
     /// Counted from here.
     Forward(f64),
     /// Counted backwards up to here.
@@ -151,19 +151,19 @@ enum Place {
     Fixed([f64; 2]),
 }
 
-impl Span {
+impl CellSpan {
     /// From where to where some of so many cells are.
     fn ends(self, [first, last]: [u32; 2], count: u32) -> [f64; 2] {
         let at = |cell: u32| f64::from(cell) / f64::from(count);
         match self.place {
-            Place::Forward(from) => [from + at(first), from + at(last + 1)],
-            Place::Backward(to) => [to - at(last + 1), to - at(first)],
-            Place::Fixed(ends) => ends,
+            SpanPlace::Forward(from) => [from + at(first), from + at(last + 1)],
+            SpanPlace::Backward(to) => [to - at(last + 1), to - at(first)],
+            SpanPlace::Fixed(ends) => ends,
         }
     }
 }
 
-impl Grid {
+impl CellBits {
     fn read(image: &CutoutImage, member: u32, files: &dyn HeightFiles) -> Option<Self> {
         let file = files.open(&image.texture, member).ok()??;
         let said = file.wrap().unwrap_or([Wrap::Black; 2]);
@@ -204,13 +204,13 @@ impl Grid {
     }
 
     /// A rectangle goes to where something is around the picture.
-    fn leaves(&self, [low, high]: Region) -> bool {
+    fn leaves(&self, [low, high]: UvRegion) -> bool {
         let is_out = |axis: usize| self.wrap[axis] == Wrap::Black && (low[axis] < 0.0 || high[axis] > 1.0);
         self.is_around && (is_out(0) || is_out(1))
     }
 
     /// Cells along an axis in the part of a range that lies in a unit; none where nothing can be.
-    fn span(&self, axis: usize, [low, high]: [f64; 2], unit: i64, wrap: Wrap) -> Option<Span> {
+    fn span(&self, axis: usize, [low, high]: [f64; 2], unit: i64, wrap: Wrap) -> Option<CellSpan> {
         let last = self.size[axis] - 1;
         #[expect(clippy::cast_precision_loss, reason = "not far away")]
         let from = unit as f64;
@@ -220,13 +220,14 @@ impl Grid {
         }
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "in the image")]
         let cell = |at: f64| ((at * f64::from(self.size[axis])) as u32).min(last);
-        let forward = Span { first: cell(a), last: cell(b), place: Place::Forward(from) };
+        let forward = CellSpan { first: cell(a), last: cell(b), place: SpanPlace::Forward(from) };
         let border = if unit < 0 { 0 } else { last };
-        let fixed = |a: f64, b: f64| Span { first: border, last: border, place: Place::Fixed([from + a, from + b]) };
+        let fixed =
+            |a: f64, b: f64| CellSpan { first: border, last: border, place: SpanPlace::Fixed([from + a, from + b]) };
         let ring = self.ring[axis];
         match wrap {
             Wrap::Mirror if unit.rem_euclid(2) == 1 => {
-                Some(Span { first: cell(1.0 - b), last: cell(1.0 - a), place: Place::Backward(from + 1.0) })
+                Some(CellSpan { first: cell(1.0 - b), last: cell(1.0 - a), place: SpanPlace::Backward(from + 1.0) })
             }
             Wrap::Repeat | Wrap::Mirror => Some(forward),
             _ if unit == 0 => Some(forward),
@@ -240,7 +241,7 @@ impl Grid {
     }
 
     /// Bounds of what is there in the part of a rectangle that lies in a unit square.
-    fn within(&self, [low, high]: Region, unit: [i64; 2], wrap: [Wrap; 2]) -> Option<Region> {
+    fn within(&self, [low, high]: UvRegion, unit: [i64; 2], wrap: [Wrap; 2]) -> Option<UvRegion> {
         let span = |axis: usize| self.span(axis, [low[axis], high[axis]], unit[axis], wrap[axis]);
         let (across, up) = (span(0)?, span(1)?);
         let (begin, end) = (across.first / u64::BITS, across.last / u64::BITS);

@@ -10,7 +10,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use rustc_hash::FxHashMap;
 
-use super::{ColorSpace, Layout, Sampler, TextureRef, Wrap};
+use super::{ColorSpace, TextureRef, TextureSampler, TileLayout, Wrap};
 
 /// Most texels of a level, each channel counted: a quarter of a gibibyte.
 const MOST_TEXELS: u64 = 1 << 26;
@@ -30,7 +30,7 @@ pub trait HeightFiles: Send + Sync + Debug {
 /// An open image.
 pub trait HeightImage: Send + Sync + Debug {
     /// Its levels.
-    fn layout(&self) -> Layout;
+    fn layout(&self) -> TileLayout;
 
     /// How the file says that it is continued outside; never [`Wrap::UseMetadata`].
     fn wrap(&self) -> Option<[Wrap; 2]>;
@@ -54,19 +54,19 @@ pub trait HeightImage: Send + Sync + Debug {
 
 /// Path, member, colour space.
 type FileKey = (Arc<str>, u32, ColorSpace);
-type Opened = Result<Option<Arc<dyn HeightImage>>, String>;
-type Decoded = Result<Arc<Vec<f32>>, String>;
+type OpenedHeights = Result<Option<Arc<dyn HeightImage>>, String>;
+type DecodedHeights = Result<Arc<Vec<f32>>, String>;
 
 /// Height textures, decoded as they are needed; what was decoded is kept as long as this is.
 #[derive(Debug, Default)]
-pub struct Heights {
+pub struct HeightCache {
     files: Option<Arc<dyn HeightFiles>>,
-    open: Mutex<FxHashMap<FileKey, Opened>>,
+    open: Mutex<FxHashMap<FileKey, OpenedHeights>>,
     /// By file, level and channel.
-    decoded: Mutex<FxHashMap<(FileKey, u32, u8), Decoded>>,
+    decoded: Mutex<FxHashMap<(FileKey, u32, u8), DecodedHeights>>,
 }
 
-impl Heights {
+impl HeightCache {
     /// Textures that `files` opens; without, none can be read.
     #[must_use]
     pub fn new(files: Option<Arc<dyn HeightFiles>>) -> Self {
@@ -108,7 +108,7 @@ impl Heights {
             };
             *texels = Some(once(&self.decoded, &(key.clone(), level, channel), decode)?);
         }
-        let layout = Layout::new(size, 4).map_err(|error| error.to_string())?;
+        let layout = TileLayout::new(size, 4).map_err(|error| error.to_string())?;
         let said = image.wrap().unwrap_or([Wrap::Black; 2]);
         let wrap = [0, 1].map(|axis: usize| match texture.wrap[axis] {
             _ if member > 0 => Wrap::Clamp,
@@ -136,7 +136,7 @@ fn once<K: Clone + Eq + std::hash::Hash, V: Clone>(
 
 /// The coarsest level whose texels are not larger than pieces of `area`, and that has not too many texels in so many
 /// channels.
-fn level_for(layout: &Layout, area: f64, channels: u32) -> u32 {
+fn level_for(layout: &TileLayout, area: f64, channels: u32) -> u32 {
     let texels =
         |level: u32| layout.level_size(level).into_iter().map(u64::from).product::<u64>() * u64::from(channels.max(1));
     let coarsest = layout.levels().saturating_sub(1);
@@ -152,9 +152,9 @@ fn level_for(layout: &Layout, area: f64, channels: u32) -> u32 {
 #[derive(Clone, Debug)]
 pub(crate) struct HeightLevel {
     /// Of an image that has this level only.
-    layout: Layout,
+    layout: TileLayout,
     wrap: [Wrap; 2],
-    /// As of [`Sampler`].
+    /// As of [`TextureSampler`].
     outside: [f64; 4],
     /// Those that were asked for.
     texels: [Option<Arc<Vec<f32>>>; 4],
@@ -170,7 +170,7 @@ impl HeightLevel {
             [0, 1, 2, 3].map(|k: usize| f64::from(self.texels[k].as_ref().and_then(of).unwrap_or(0.0)))
         };
         let Self { layout, wrap, outside, .. } = *self;
-        Sampler { layout, wrap, outside, texel }.bilinear(st, 0)
+        TextureSampler { layout, wrap, outside, texel }.bilinear(st, 0)
     }
 }
 
@@ -204,12 +204,12 @@ mod tests {
 
     #[test]
     fn displacement_texels_match_the_dicing_rate() {
-        let layout = Layout::new([1024, 512], 4).unwrap();
+        let layout = TileLayout::new([1024, 512], 4).unwrap();
         let piece = |texels: f64| texels * texels / (1024.0 * 512.0);
         let levels = [0.1, 1.0, 1.99, 2.0, 4.5, 300.0, 1e9].map(|texels| level_for(&layout, piece(texels), 1));
         assert_eq!(levels, [0, 0, 0, 1, 2, 8, 10], "pieces of so many texels of level 0");
         assert_eq!([f64::NAN, 0.0, f64::INFINITY].map(|area| level_for(&layout, area, 1)), [0, 0, 10], "no areas");
-        let large = Layout::new([1 << 16, 1 << 16], 4).unwrap();
+        let large = TileLayout::new([1 << 16, 1 << 16], 4).unwrap();
         let levels = [0, 1, 2, 4].map(|channels| level_for(&large, 0.0, channels));
         assert_eq!(levels, [3, 3, 4, 4], "8192 texels a side are enough for one channel, 4096 for four");
     }

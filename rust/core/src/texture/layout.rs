@@ -15,7 +15,7 @@ pub const MAX_SIDE: u32 = 1 << 16;
 
 /// How an image is cut.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct Layout {
+pub struct TileLayout {
     size: [u32; 2],
     texel_bytes: u32,
     /// One level, whatever its size, and no shared tile.
@@ -49,7 +49,7 @@ pub enum LayoutError {
 
 /// Texels of one level: all of a tile, or a level of the tail.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Piece {
+pub struct TilePiece {
     /// Level.
     pub level: u32,
     /// The lowest left texel.
@@ -60,7 +60,7 @@ pub struct Piece {
     pub offset: u64,
 }
 
-impl Layout {
+impl TileLayout {
     /// The layout of an image of `size` texels of `texel_bytes` each.
     pub fn new(size: [u32; 2], texel_bytes: u32) -> Result<Self, LayoutError> {
         let [width, height] = size;
@@ -137,7 +137,7 @@ impl Layout {
     }
 
     /// What a tile consists of.
-    pub fn pieces(&self, tile: u32) -> Vec<Piece> {
+    pub fn pieces(&self, tile: u32) -> Vec<TilePiece> {
         let mut first = 0;
         for level in 0..self.tail() {
             let [columns, rows] = self.tiles_of(level);
@@ -145,7 +145,7 @@ impl Layout {
                 let at = [(tile - first) % columns * TILE_SIDE, (tile - first) / columns * TILE_SIDE];
                 let whole = self.level_size(level);
                 let size = [0, 1].map(|axis: usize| TILE_SIDE.min(whole[axis].saturating_sub(at[axis])));
-                return vec![Piece { level, at, size, offset: 0 }];
+                return vec![TilePiece { level, at, size, offset: 0 }];
             }
             first += columns * rows;
         }
@@ -153,7 +153,7 @@ impl Layout {
         let mut pieces = Vec::new();
         for level in self.tail()..self.levels() {
             let size = self.level_size(level);
-            pieces.push(Piece { level, at: [0, 0], size, offset });
+            pieces.push(TilePiece { level, at: [0, 0], size, offset });
             offset += self.bytes_of(size);
         }
         pieces
@@ -187,8 +187,8 @@ impl Layout {
 mod tests {
     use super::*;
 
-    fn layout(width: u32, height: u32) -> Layout {
-        Layout::new([width, height], 4).expect("supported")
+    fn layout(width: u32, height: u32) -> TileLayout {
+        TileLayout::new([width, height], 4).expect("supported")
     }
 
     #[test]
@@ -215,7 +215,7 @@ mod tests {
     #[test]
     fn total_tile_bytes_are_the_sum_over_tiles() {
         for (width, height, texel) in [(1, 1, 1), (300, 257, 4), (128, 128, 8), (1000, 3, 2), (129, 640, 16)] {
-            let layout = Layout::new([width, height], texel).expect("supported");
+            let layout = TileLayout::new([width, height], texel).expect("supported");
             let each: Vec<u64> = (0..layout.tile_count()).map(|tile| layout.tile_bytes(tile)).collect();
             assert_eq!(layout.all_tile_bytes().collect::<Vec<_>>(), each, "{width} x {height}, {texel} bytes");
         }
@@ -234,7 +234,7 @@ mod tests {
     #[test]
     fn row_layouts_have_one_level_and_unshared_tiles() {
         for (texels, bytes) in [(128, 4), (128 * 300, 1), (128 * 128, 8), (1 << 31, 4)] {
-            let rows = Layout::of_rows(texels, bytes).expect("supported");
+            let rows = TileLayout::of_rows(texels, bytes).expect("supported");
             let tiles = texels.div_ceil(128 * 128);
             assert_eq!((rows.levels(), rows.tile_count()), (1, tiles), "{texels} texels");
             let last = u64::from(texels - (tiles - 1) * 128 * 128) * u64::from(bytes);
@@ -246,14 +246,14 @@ mod tests {
 
     #[test]
     fn tail_levels_are_word_aligned() {
-        let bytes = Layout::new([3, 1], 1).expect("supported");
+        let bytes = TileLayout::new([3, 1], 1).expect("supported");
         let offsets: Vec<u64> = bytes.pieces(0).iter().map(|piece| piece.offset).collect();
         assert_eq!((offsets, bytes.tile_bytes(0)), (vec![0, 4], 8), "three bytes and one, each in a word");
     }
 
     #[test]
     fn bad_sizes_are_refused() {
-        assert!(Layout::new([0, 5], 4).is_err() && Layout::new([5, MAX_SIDE + 1], 4).is_err(), "sides");
-        assert_eq!(Layout::new([5, 5], 3), Err(LayoutError::Texel(3)), "three channels become four before");
+        assert!(TileLayout::new([0, 5], 4).is_err() && TileLayout::new([5, MAX_SIDE + 1], 4).is_err(), "sides");
+        assert_eq!(TileLayout::new([5, 5], 3), Err(LayoutError::Texel(3)), "three channels become four before");
     }
 }

@@ -20,15 +20,15 @@ pub use crate::material::linear_from_srgb;
 pub use color::{expand, is_srgb, srgb_from_linear};
 #[cfg(test)]
 pub(crate) use covered::tests as tests_of_covered;
-pub(crate) use covered::{CoveredImage, Region};
+pub(crate) use covered::{CoveredImage, UvRegion};
 pub use faces::{FaceBlock, FaceLayout, MAX_FACE_LOG2, TILE_TEXELS, class_size};
 pub use footprint::{MOST_ANISOTROPY, ellipse, filter_width};
-pub use heights::{HeightFiles, HeightImage, Heights};
+pub use heights::{HeightCache, HeightFiles, HeightImage};
 pub(crate) use heights::{HeightLevel, member_of, numbered};
-pub use layout::{Layout, LayoutError, MAX_SIDE, Piece};
+pub use layout::{LayoutError, MAX_SIDE, TileLayout, TilePiece};
 pub use opacity_mask::{OpacityMask, OpacityMaskMaker, OpacityQuery, mask_bytes};
-pub use pyramid::{Pyramid, weights};
-pub use twin::{PtexSampler, Sampler, pack_ptex, select_level, unpack_ptex};
+pub use pyramid::{TexturePyramid, weights};
+pub use twin::{PtexSampler, TextureSampler, pack_ptex, select_level, unpack_ptex};
 
 pub use crate::material::{ColorSpace, TextureRef, Wrap};
 

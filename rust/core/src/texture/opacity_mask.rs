@@ -17,9 +17,9 @@
 //!
 //! Pure; any thread. `shaders/traversal/opacity_mask.glsl` and `oocpt_traverse` read it.
 
-use super::{Layout, Wrap};
-use cells::Cell;
-use grid::Reduction;
+use super::{TileLayout, Wrap};
+use cells::OpacityCell;
+use grid::GridReduction;
 use rayon::prelude::*;
 
 /// Cells along a side of level 0 that are parts of a texel.
@@ -126,7 +126,7 @@ struct KeptLevel {
 
 impl KeptLevel {
     /// The first level of at most `most_side` texels a side.
-    fn new(layout: &Layout, most_side: u32) -> Self {
+    fn new(layout: &TileLayout, most_side: u32) -> Self {
         let is_small = |level: &u32| layout.level_size(*level).iter().all(|side| *side <= most_side);
         let last = layout.levels().saturating_sub(1);
         let level = (0..=last).find(is_small).unwrap_or(last);
@@ -139,14 +139,14 @@ impl KeptLevel {
         Self { level, fine }
     }
 
-    fn cells(self, layout: &Layout) -> [u32; 2] {
+    fn cells(self, layout: &TileLayout) -> [u32; 2] {
         layout.level_size(self.level).map(|side| side << self.fine)
     }
 }
 
 /// Bytes of the mask of an image, of at most `most_side` texels a side.
 #[must_use]
-pub fn mask_bytes(layout: &Layout, most_side: u32) -> usize {
+pub fn mask_bytes(layout: &TileLayout, most_side: u32) -> usize {
     2 * size_of::<u32>()
         + KeptLevel::new(layout, most_side).cells(layout).map(|side| side as usize).iter().product::<usize>()
 }
@@ -155,9 +155,9 @@ pub fn mask_bytes(layout: &Layout, most_side: u32) -> usize {
 #[derive(Debug)]
 pub struct OpacityMaskMaker {
     query: OpacityQuery,
-    layout: Layout,
+    layout: TileLayout,
     kept: KeptLevel,
-    base: Reduction,
+    base: GridReduction,
     /// Rows that came.
     rows: u32,
     /// The first two, and the last two.
@@ -168,13 +168,13 @@ pub struct OpacityMaskMaker {
 impl OpacityMaskMaker {
     /// Of an image, of at most `most_side` texels a side; none where its sides are too long for a mask.
     #[must_use]
-    pub fn new(layout: &Layout, query: &OpacityQuery, most_side: u32) -> Option<Self> {
+    pub fn new(layout: &TileLayout, query: &OpacityQuery, most_side: u32) -> Option<Self> {
         let size = layout.size();
         if layout.is_flat() || size.iter().any(|side| *side > 0xffff) {
             return None;
         }
         let kept = KeptLevel::new(layout, most_side);
-        let base = Reduction::new(size.map(|side| side << kept.fine), kept.cells(layout));
+        let base = GridReduction::new(size.map(|side| side << kept.fine), kept.cells(layout));
         let rows = Vec::new();
         Some(Self { query: *query, layout: *layout, kept, base, rows: 0, opening: rows.clone(), recent: rows })
     }
@@ -199,11 +199,11 @@ impl OpacityMaskMaker {
     }
 
     /// The cells of a row of texels, those along a texel's side one row after the other.
-    fn cells_of(&self, rows: [&[f32]; 3]) -> Vec<Cell> {
+    fn cells_of(&self, rows: [&[f32]; 3]) -> Vec<OpacityCell> {
         cells::of_row(&self.query, rows, self.kept.fine)
     }
 
-    fn add(&mut self, y: usize, cells: &[Cell]) {
+    fn add(&mut self, y: usize, cells: &[OpacityCell]) {
         let stride = (self.layout.size()[0] as usize) << self.kept.fine;
         for (row, cells) in (y << self.kept.fine..).zip(cells.chunks_exact(stride)) {
             self.base.push(row, cells);

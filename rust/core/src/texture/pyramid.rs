@@ -5,7 +5,7 @@
 //! three texels share: "polyphase" box, NVIDIA 2002, Guthe and Heckbert 2005). Memory: two rows of sums a level, 4/3 of
 //! a row of level 0 in all for each channel. Values are decoded ones; whoever stores rows encodes them.
 
-use super::Layout;
+use super::TileLayout;
 
 /// The texels of a side of `fine` that texel `at` of the next coarser level covers: the first one, and the weights of
 /// three.
@@ -24,7 +24,7 @@ pub fn weights(fine: u32, at: u32) -> (u32, [f64; 3]) {
 
 /// A level under way.
 #[derive(Debug)]
-struct Level {
+struct PyramidLevel {
     size: [u32; 2],
     /// Rows of the finer level that came in.
     taken: u32,
@@ -36,19 +36,19 @@ struct Level {
 
 /// See the module.
 #[derive(Debug)]
-pub struct Pyramid {
+pub struct TexturePyramid {
     channels: usize,
     base: [u32; 2],
-    levels: Vec<Level>,
+    levels: Vec<PyramidLevel>,
 }
 
-impl Pyramid {
+impl TexturePyramid {
     /// Of an image of `layout` with so many channels.
-    pub fn new(layout: &Layout, channels: usize) -> Self {
+    pub fn new(layout: &TileLayout, channels: usize) -> Self {
         let level = |level| {
             let size = layout.level_size(level);
             let row = || vec![0.0; size[0] as usize * channels];
-            Level { size, taken: 0, done: 0, sums: [row(), row()] }
+            PyramidLevel { size, taken: 0, done: 0, sums: [row(), row()] }
         };
         Self { channels, base: layout.size(), levels: (1..layout.levels()).map(level).collect() }
     }
@@ -151,9 +151,9 @@ mod tests {
     use super::*;
 
     fn levels_of(size: [u32; 2], texel: impl Fn(u32, u32) -> f32) -> Vec<Vec<f32>> {
-        let layout = Layout::new(size, 4).expect("supported");
+        let layout = TileLayout::new(size, 4).expect("supported");
         let mut made: Vec<Vec<f32>> = vec![Vec::new(); layout.levels() as usize];
-        let mut pyramid = Pyramid::new(&layout, 1);
+        let mut pyramid = TexturePyramid::new(&layout, 1);
         for y in 0..size[1] {
             let row: Vec<f32> = (0..size[0]).map(|x| texel(x, y)).collect();
             pyramid.push(&row, &mut |level, at, row| {

@@ -5,7 +5,7 @@
 //! and l + 1 are mixed linearly in the width (the usual choice is linear in its logarithm;
 //! the two agree at powers of two and differ by at most 0.086 of a level; this one needs no transcendental function).
 
-use super::{FaceLayout, Layout, Wrap};
+use super::{FaceLayout, TileLayout, Wrap};
 
 /// The finer level and the share of the next coarser one, for a filter that is `width` texels of level 0 wide.
 pub fn select_level(width: f64, levels: u32) -> (u32, f64) {
@@ -78,9 +78,9 @@ impl<T: Fn(u32) -> [f64; 4]> PtexSampler<'_, T> {
 
 /// An image and how to look it up.
 #[derive(Clone, Copy, Debug)]
-pub struct Sampler<T> {
+pub struct TextureSampler<T> {
     /// Levels.
-    pub layout: Layout,
+    pub layout: TileLayout,
     /// Along s and t.
     pub wrap: [Wrap; 2],
     /// The texels around the image, where it is not continued.
@@ -89,7 +89,7 @@ pub struct Sampler<T> {
     pub texel: T,
 }
 
-impl<T: Fn(u32, u32, u32) -> [f64; 4]> Sampler<T> {
+impl<T: Fn(u32, u32, u32) -> [f64; 4]> TextureSampler<T> {
     /// The value at `st`, by a filter of `width`.
     pub fn lookup(&self, st: [f64; 2], width: f64) -> [f64; 4] {
         let (level, blend) = select_level(width, self.layout.levels());

@@ -3,7 +3,7 @@
 //! independently.
 
 use oocpt_abi::sampler::{pixel_seed, sample_4d};
-use oocpt_core::convergence::{Convergence, ErrorSums, Estimate};
+use oocpt_core::convergence::{ConvergenceEstimator, ErrorEstimate, ErrorSums};
 
 const PIXELS: u32 = 256;
 
@@ -43,8 +43,8 @@ fn octaves(samples: u32, value: &dyn Fn(u32, u32) -> f64, mean: &dyn Fn(u32) -> 
 }
 
 /// The last estimate, what a variance of samples alone would say, and the truth.
-fn told(octaves: &[(u32, ErrorSums, f64)]) -> (Estimate, f64, f64) {
-    let mut convergence = Convergence::default();
+fn told(octaves: &[(u32, ErrorSums, f64)]) -> (ErrorEstimate, f64, f64) {
+    let mut convergence = ConvergenceEstimator::default();
     let mut last = None;
     for (octave, sums, truth) in octaves {
         last = convergence.octave(*octave, sums).map(|estimate| (estimate, sums.s / sums.pixels, *truth));
@@ -60,7 +60,7 @@ fn uniform(seed: u32, pixel: u32, sample: u32, set: u32) -> [f64; 4] {
 fn held(value: impl Fn(u32, u32, u32) -> f64, mean: &dyn Fn(u32) -> f64) -> (usize, f64, f64) {
     let all: Vec<_> = (0..40).map(|seed| told(&octaves(64, &|pixel, n| value(seed, pixel, n), mean))).collect();
     let inside = all.iter().filter(|(told, _, truth)| (told.low..=told.high).contains(truth)).count();
-    let ratio = |of: fn(&(Estimate, f64, f64)) -> f64| all.iter().map(of).sum::<f64>() / 40.0;
+    let ratio = |of: fn(&(ErrorEstimate, f64, f64)) -> f64| all.iter().map(of).sum::<f64>() / 40.0;
     (inside, ratio(|(told, _, truth)| told.rel_mse / truth), ratio(|(_, naive, truth)| naive / truth))
 }
 
@@ -100,7 +100,7 @@ fn fireflies_raise_the_error_estimate() {
 #[test]
 fn the_estimate_is_continuous_at_powers_of_two() {
     let octaves = octaves(64, &|pixel, n| uniform(1, pixel, n, 0)[0], &|_| 0.5);
-    let mut convergence = Convergence::default();
+    let mut convergence = ConvergenceEstimator::default();
     let mut last = None;
     for (octave, sums, _) in &octaves {
         last = convergence.octave(*octave, sums);
@@ -116,9 +116,9 @@ fn the_estimate_is_continuous_at_powers_of_two() {
 #[test]
 fn non_finite_sums_give_no_estimate() {
     let sums = ErrorSums { pixels: 4.0, s: f64::NAN, ..ErrorSums::default() };
-    assert_eq!(Convergence::default().octave(3, &sums), None, "NaN");
-    assert_eq!(Convergence::default().octave(3, &ErrorSums { s: f64::INFINITY, ..sums }), None, "infinity");
+    assert_eq!(ConvergenceEstimator::default().octave(3, &sums), None, "NaN");
+    assert_eq!(ConvergenceEstimator::default().octave(3, &ErrorSums { s: f64::INFINITY, ..sums }), None, "infinity");
     let flat = ErrorSums { s: 0.0, ..sums };
-    let told = Convergence::default().octave(3, &flat).expect("a picture without noise");
+    let told = ConvergenceEstimator::default().octave(3, &flat).expect("a picture without noise");
     assert!(told.low <= 0.0 && told.rel_mse <= 0.0 && told.high > 0.0, "rounding is left: {told:?}");
 }

@@ -3,19 +3,19 @@
 
 use oocpt_core::residency::PolicyKind;
 use oocpt_core::settings::TraversalKind;
-use oocpt_core::{Audience, SettingError, Settings, Value};
+use oocpt_core::{SettingAudience, SettingError, SettingValue, Settings};
 
 #[test]
 fn samples_are_bounded_and_keep_their_value_on_error() {
     let mut settings = Settings::default();
-    assert_eq!(settings.set("oocpt:samplesPerPixel", Value::Int(256)), Ok(true));
-    assert_eq!(settings.set("convergedSamplesPerPixel", Value::Int(256)), Ok(false));
+    assert_eq!(settings.set("oocpt:samplesPerPixel", SettingValue::Int(256)), Ok(true));
+    assert_eq!(settings.set("convergedSamplesPerPixel", SettingValue::Int(256)), Ok(false));
     for bad in [0, -1, (1 << 24) + 1, i64::MAX, i64::MIN] {
-        let result = settings.set("oocpt:samplesPerPixel", Value::Int(bad));
+        let result = settings.set("oocpt:samplesPerPixel", SettingValue::Int(bad));
         assert!(matches!(result, Err(SettingError::Range { .. })), "{bad}: {result:?}");
     }
     assert_eq!(settings.samples_per_pixel, 256);
-    assert_eq!(settings.set("oocpt:samplesPerPixel", Value::Int(1 << 24)), Ok(true));
+    assert_eq!(settings.set("oocpt:samplesPerPixel", SettingValue::Int(1 << 24)), Ok(true));
 }
 
 #[test]
@@ -23,17 +23,17 @@ fn sizes_of_chunks_and_geometry_are_bounded() {
     let mut settings = Settings::default();
     assert_eq!((settings.chunk_size_kib, settings.geometry_budget_kib), (8192, 0), "defaults");
     for bad in [0, 15, (1 << 20) + 1, -8192, i64::MAX] {
-        let result = settings.set("oocpt:chunkSize", Value::Int(bad));
+        let result = settings.set("oocpt:chunkSize", SettingValue::Int(bad));
         assert!(matches!(result, Err(SettingError::Range { .. })), "{bad}: {result:?}");
     }
     for bad in [-1, i64::from(u32::MAX) + 1] {
-        let result = settings.set("oocpt:geometryBudget", Value::Int(bad));
+        let result = settings.set("oocpt:geometryBudget", SettingValue::Int(bad));
         assert!(matches!(result, Err(SettingError::Range { .. })), "{bad}: {result:?}");
     }
     assert_eq!(settings, Settings::default(), "what is refused changes nothing");
     for (key, good) in [("oocpt:chunkSize", 16), ("oocpt:chunkSize", 1 << 20), ("oocpt:geometryBudget", 1)] {
-        assert_eq!(settings.set(key, Value::Int(good)), Ok(true), "{key} = {good}");
-        assert_eq!(settings.get(key), Some(Value::Int(good)), "{key} = {good}");
+        assert_eq!(settings.set(key, SettingValue::Int(good)), Ok(true), "{key} = {good}");
+        assert_eq!(settings.get(key), Some(SettingValue::Int(good)), "{key} = {good}");
     }
     assert_eq!((settings.chunk_size_kib, settings.geometry_budget_kib), (1 << 20, 1), "each has its field");
 }
@@ -45,16 +45,16 @@ fn policies_go_by_name_and_a_wrong_name_lists_the_right_ones() {
     for (name, kind) in
         [("sweep", PolicyKind::Sweep), (" priority ", PolicyKind::Priority), ("benefit", PolicyKind::Benefit)]
     {
-        assert_eq!(settings.set("oocpt:policy", Value::Text(name.into())), Ok(true), "{name}");
+        assert_eq!(settings.set("oocpt:policy", SettingValue::Text(name.into())), Ok(true), "{name}");
         assert_eq!(settings.policy, kind, "{name}");
-        assert_eq!(settings.get("oocpt:policy"), Some(Value::Text(name.trim().into())), "{name}");
+        assert_eq!(settings.get("oocpt:policy"), Some(SettingValue::Text(name.trim().into())), "{name}");
     }
     for bad in ["", "Benefit", "lru", "sweep,priority"] {
-        let error = settings.set("oocpt:policy", Value::Text(bad.into())).unwrap_err();
+        let error = settings.set("oocpt:policy", SettingValue::Text(bad.into())).unwrap_err();
         let text = error.to_string();
         assert!(text.contains("sweep, priority, benefit") && text.contains(&format!("{bad:?}")), "{text}");
     }
-    let result = settings.set("oocpt:policy", Value::Bool(true));
+    let result = settings.set("oocpt:policy", SettingValue::Bool(true));
     assert!(matches!(result, Err(SettingError::Type { .. })), "{result:?}");
     assert_eq!(settings, Settings::default(), "a wrong policy changes nothing");
 }
@@ -64,11 +64,11 @@ fn traversal_goes_by_name_and_a_wrong_name_lists_the_right_ones() {
     let mut settings = Settings::default();
     assert_eq!(settings.traversal, TraversalKind::Auto, "the default");
     for (name, kind) in [("native", TraversalKind::Native), (" compute ", TraversalKind::Compute)] {
-        assert_eq!(settings.set("oocpt:traversal", Value::Text(name.into())), Ok(true), "{name}");
+        assert_eq!(settings.set("oocpt:traversal", SettingValue::Text(name.into())), Ok(true), "{name}");
         assert_eq!(settings.traversal, kind, "{name}");
-        assert_eq!(settings.get("oocpt:traversal"), Some(Value::Text(name.trim().into())), "{name}");
+        assert_eq!(settings.get("oocpt:traversal"), Some(SettingValue::Text(name.trim().into())), "{name}");
     }
-    let error = settings.set("oocpt:traversal", Value::Text("embree".into())).unwrap_err();
+    let error = settings.set("oocpt:traversal", SettingValue::Text("embree".into())).unwrap_err();
     assert!(error.to_string().contains("auto, compute, native"), "{error}");
     assert_eq!(settings.traversal, TraversalKind::Compute, "a wrong name changes nothing");
 }
@@ -76,9 +76,9 @@ fn traversal_goes_by_name_and_a_wrong_name_lists_the_right_ones() {
 #[test]
 fn a_report_has_any_name() {
     let mut settings = Settings::default();
-    assert_eq!(settings.set("oocpt:chunkReport", Value::Text("/tmp/a b.json".into())), Ok(true), "any name");
+    assert_eq!(settings.set("oocpt:chunkReport", SettingValue::Text("/tmp/a b.json".into())), Ok(true), "any name");
     assert_eq!(settings.chunk_report, "/tmp/a b.json", "as given");
-    assert_eq!(settings.set("oocpt:chunkReport", Value::Text(String::new())), Ok(true), "and none");
+    assert_eq!(settings.set("oocpt:chunkReport", SettingValue::Text(String::new())), Ok(true), "and none");
 }
 
 /// Hosts show them in this order; what is new comes after what they knew, before the names that all renderers share.
@@ -105,7 +105,6 @@ fn settings_are_listed_in_order() {
         "oocpt:report",
         "oocpt:reference",
         "oocpt:targetError",
-        "oocpt:carry",
         "oocpt:stragglerRoulette",
         "oocpt:adaptiveSampling",
         "oocpt:textureCache",
@@ -129,7 +128,6 @@ fn settings_are_listed_in_order() {
         "OOCPT_REPORT",
         "OOCPT_REFERENCE",
         "OOCPT_TARGET_ERROR",
-        "OOCPT_CARRY",
         "OOCPT_STRAGGLER_ROULETTE",
         "OOCPT_ADAPTIVE_SAMPLING",
         "OOCPT_TEXTURE_CACHE",
@@ -142,9 +140,9 @@ fn settings_are_listed_in_order() {
 }
 
 #[test]
-fn developers_have_seven_settings_of_their_own() {
+fn developers_have_six_settings_of_their_own() {
     let mut theirs = Settings::descriptors();
-    theirs.retain(|descriptor| descriptor.audience == Audience::Developer);
+    theirs.retain(|descriptor| descriptor.audience == SettingAudience::Developer);
     let keys: Vec<&str> = theirs.iter().map(|descriptor| descriptor.key).collect();
     let ours = [
         "oocpt:traversal",
@@ -153,7 +151,6 @@ fn developers_have_seven_settings_of_their_own() {
         "oocpt:chunkReport",
         "oocpt:materialReport",
         "oocpt:reference",
-        "oocpt:carry",
     ];
     assert_eq!(keys, ours, "no host lists these");
 }
@@ -162,35 +159,35 @@ fn developers_have_seven_settings_of_their_own() {
 fn wrong_types_are_refused() {
     let mut settings = Settings::default();
     let cases = [
-        ("oocpt:maxBounces", Value::Float(1.5)),
-        ("oocpt:maxBounces", Value::Text("many".into())),
-        ("oocpt:maxBounces", Value::Bool(true)),
-        ("oocpt:clamp", Value::Text(String::new())),
-        ("oocpt:device", Value::Float(1.0)),
-        ("enableInteractive", Value::Int(2)),
-        ("oocpt:chunkSize", Value::Float(64.5)),
-        ("oocpt:chunkReport", Value::Bool(false)),
+        ("oocpt:maxBounces", SettingValue::Float(1.5)),
+        ("oocpt:maxBounces", SettingValue::Text("many".into())),
+        ("oocpt:maxBounces", SettingValue::Bool(true)),
+        ("oocpt:clamp", SettingValue::Text(String::new())),
+        ("oocpt:device", SettingValue::Float(1.0)),
+        ("enableInteractive", SettingValue::Int(2)),
+        ("oocpt:chunkSize", SettingValue::Float(64.5)),
+        ("oocpt:chunkReport", SettingValue::Bool(false)),
     ];
     for (key, value) in cases {
         let result = settings.set(key, value.clone());
         assert!(matches!(result, Err(SettingError::Type { .. })), "{key} {value:?}: {result:?}");
     }
     for value in [f64::NAN, f64::INFINITY, -1.0] {
-        let result = settings.set("oocpt:clamp", Value::Float(value));
+        let result = settings.set("oocpt:clamp", SettingValue::Float(value));
         assert!(matches!(result, Err(SettingError::Range { .. })), "{value}: {result:?}");
     }
-    assert_eq!(settings.set("oocpt:nothing", Value::Int(1)), Err(SettingError::Unknown("oocpt:nothing".into())));
+    assert_eq!(settings.set("oocpt:nothing", SettingValue::Int(1)), Err(SettingError::Unknown("oocpt:nothing".into())));
     assert_eq!(settings, Settings::default());
 }
 
 #[test]
 fn text_from_the_environment_is_parsed() {
     let mut settings = Settings::default();
-    let text = |t: &str| Value::Text(t.into());
+    let text = |t: &str| SettingValue::Text(t.into());
     assert_eq!(settings.set("oocpt:samplesPerPixel", text(" 12 ")), Ok(true));
     assert_eq!(settings.set("oocpt:timeLimit", text("2.5")), Ok(true));
     assert_eq!(settings.set("enableInteractive", text("off")), Ok(true));
-    assert_eq!(settings.set("oocpt:device", Value::Int(1)), Ok(true));
+    assert_eq!(settings.set("oocpt:device", SettingValue::Int(1)), Ok(true));
     assert_eq!((settings.samples_per_pixel, settings.interactive, &*settings.device), (12, false, "1"));
     assert!((settings.time_limit_secs - 2.5).abs() < 1e-9);
 }
@@ -204,7 +201,7 @@ fn every_descriptor_can_be_set_to_its_default_and_has_an_own_variable() {
         let name = Settings::env_name(descriptor.key).unwrap();
         assert!(name.starts_with("OOCPT_") && names.insert(name), "{name}");
     }
-    assert_eq!(names.len(), 31);
+    assert_eq!(names.len(), 30);
     assert_eq!(Settings::env_name("oocpt:samplesPerPixel"), Some("OOCPT_SAMPLES_PER_PIXEL"));
     assert_eq!(Settings::env_name("other"), None);
 }

@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use glam::{DMat4, DVec3, DVec4};
 use oocpt_core::{
-    DroppedData, InstanceRecord, InstancedBy, InstancerDesc, InstancerPrototype, Interpolation, MeshAsset, MeshDesc,
-    PrimDesc, Primvar, SceneDb, SceneMesh, Snapshot, Subdivision, Target, TypedArray,
+    DroppedData, InstanceRecord, InstanceTarget, InstancedBy, InstancerDesc, InstancerPrototype, Interpolation,
+    MeshAsset, MeshDesc, PrimDesc, Primvar, SceneDb, SceneMesh, Snapshot, Subdivision, TypedArray,
 };
 
 pub(crate) fn prim(path: &str) -> PrimDesc {
@@ -61,11 +61,11 @@ pub(crate) fn grid(path: &str, n: u16) -> MeshDesc {
     polygons(path, &vec![4; indices.len() / 4], &indices, &points)
 }
 
-pub(crate) fn constant<T: oocpt_core::Element + std::fmt::Debug>(value: T) -> Primvar {
+pub(crate) fn constant<T: oocpt_core::ArrayElement + std::fmt::Debug>(value: T) -> Primvar {
     primvar(Interpolation::Constant, vec![value])
 }
 
-pub(crate) fn primvar<T: oocpt_core::Element + std::fmt::Debug>(
+pub(crate) fn primvar<T: oocpt_core::ArrayElement + std::fmt::Debug>(
     interpolation: Interpolation,
     values: Vec<T>,
 ) -> Primvar {
@@ -128,13 +128,13 @@ fn flatten_into(snapshot: &Snapshot, assembly: usize, frame: DMat4, id: i64, lea
         let world = frame * object_from_parent.inverse();
         let instance_id = id * i64::from(record.prototype_count) + i64::from(record.index_in_prototype);
         match record.target {
-            Target::Mesh(m) => leaves.push(Leaf {
+            InstanceTarget::Mesh(m) => leaves.push(Leaf {
                 mesh: asset(&snapshot.meshes[m as usize]),
                 world,
                 prim_id: record.prim_id,
                 instance_id,
             }),
-            Target::Assembly(a) => flatten_into(snapshot, a as usize, world, instance_id, leaves),
+            InstanceTarget::Assembly(a) => flatten_into(snapshot, a as usize, world, instance_id, leaves),
         }
     }
 }

@@ -5,13 +5,13 @@ use std::sync::Arc;
 
 use ash::vk;
 
-use super::Commands;
-use crate::instance::lane::Lane;
+use super::CommandList;
+use crate::instance::lane::QueueLane;
 use crate::pipeline::Pipeline;
 use crate::range::DeviceRange;
-use crate::submit::kept::Kept;
+use crate::submit::kept::HeldResource;
 
-impl Commands {
+impl CommandList {
     /// Runs `groups` workgroups. `push` has exactly the size that the pipeline was made with. No groups = no operation.
     pub fn dispatch(&mut self, pipeline: &Pipeline, push: &[u8], groups: [u32; 3]) {
         let limit = self.recorder.device.limits.max_workgroups;
@@ -19,7 +19,7 @@ impl Commands {
             return self.misuse(pipeline.name(), format!("{groups:?} workgroups: {limit:?} are allowed"));
         }
         if !groups.contains(&0) && self.use_pipeline(pipeline, push) {
-            let bind = Bind::new(pipeline, push);
+            let bind = PipelineBinding::new(pipeline, push);
             self.operation(pipeline.name(), |raw, commands| {
                 bind.record(raw, commands);
                 // SAFETY: a compute pipeline is bound, its push constants are set, and the counts are within the
@@ -34,7 +34,7 @@ impl Commands {
     pub fn dispatch_nothing(&mut self, pipeline: &Pipeline) {
         let push = vec![0; pipeline.push_bytes() as usize];
         if self.use_pipeline(pipeline, &push) {
-            let bind = Bind::new(pipeline, &push);
+            let bind = PipelineBinding::new(pipeline, &push);
             self.operation(pipeline.name(), |raw, commands| {
                 bind.record(raw, commands);
                 // SAFETY: a compute pipeline is bound and its push constants are set; no invocation reads them.
@@ -43,8 +43,8 @@ impl Commands {
         }
     }
 
-    /// As [`Commands::dispatch`], with the three counts read by the GPU from `arguments` at `offset` (a multiple of 4).
-    /// The counts must be within the device's limits: nobody checks them.
+    /// As [`CommandList::dispatch`], with the three counts read by the GPU from `arguments` at `offset` (a multiple of
+    /// 4). The counts must be within the device's limits: nobody checks them.
     pub fn dispatch_indirect(&mut self, pipeline: &Pipeline, push: &[u8], arguments: &dyn DeviceRange, offset: u64) {
         let size = size_of::<vk::DispatchIndirectCommand>() as u64;
         let Some((buffer, start)) = self.place(arguments, offset, size) else {
@@ -54,7 +54,7 @@ impl Commands {
             return self.misuse(arguments.name(), format!("dispatch arguments at {offset}: not a multiple of 4"));
         }
         if self.use_pipeline(pipeline, push) {
-            let bind = Bind::new(pipeline, push);
+            let bind = PipelineBinding::new(pipeline, push);
             self.operation(pipeline.name(), |raw, commands| {
                 bind.record(raw, commands);
                 // SAFETY: a compute pipeline is bound, its push constants are set; the arguments lie in a buffer with
@@ -70,7 +70,7 @@ impl Commands {
         if self.error.is_some() || !self.same_device(&inner.name, Arc::as_ptr(&inner.device)) {
             return false;
         }
-        if self.recorder.lane == Lane::Transfer {
+        if self.recorder.lane == QueueLane::Transfer {
             self.misuse(&inner.name, "a dispatch in a transfer list".to_owned());
             return false;
         }
@@ -79,19 +79,19 @@ impl Commands {
             self.misuse(&inner.name, message);
             return false;
         }
-        self.kept.push(Kept::Pipeline(Arc::clone(inner)));
+        self.kept.push(HeldResource::Pipeline(Arc::clone(inner)));
         true
     }
 }
 
 /// A pipeline with its push constants, to be recorded.
-struct Bind<'a> {
+struct PipelineBinding<'a> {
     pipeline: vk::Pipeline,
     layout: vk::PipelineLayout,
     push: &'a [u8],
 }
 
-impl<'a> Bind<'a> {
+impl<'a> PipelineBinding<'a> {
     fn new(pipeline: &Pipeline, push: &'a [u8]) -> Self {
         Self { pipeline: pipeline.inner.raw, layout: pipeline.inner.layout, push }
     }

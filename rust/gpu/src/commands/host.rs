@@ -3,13 +3,13 @@
 
 use std::time::{Duration, Instant};
 
-use super::Commands;
+use super::CommandList;
 use crate::error::GpuError;
-use crate::instance::lane::Points;
+use crate::instance::lane::TimelinePoints;
 use crate::submit::queue::InFlight;
-use crate::submit::recorder::Recorder;
+use crate::submit::recorder::CommandRecorder;
 
-impl Commands {
+impl CommandList {
     /// Submits what is recorded so far, waits for it and for all that was submitted before, and runs `work` on this
     /// thread; what is recorded afterwards sees what it wrote. So a list with such work is not in flight as a whole,
     /// and its `submit` hands over only the rest. An error of `work` is one of the list.
@@ -62,7 +62,7 @@ impl Commands {
         }
         self.gpu.opened().collect();
         let slot = self.gpu.opened().queue(lane).slot(&device)?;
-        match Recorder::begin(&device, lane, slot.buffer, &self.label) {
+        match CommandRecorder::begin(&device, lane, slot.buffer, &self.label) {
             Ok(recorder) => self.recorder = recorder,
             Err(error) => {
                 slot.destroy(&device.raw);
@@ -71,7 +71,7 @@ impl Commands {
         }
         self.recorder.set_timing(timing);
         self.slot = Some(slot);
-        self.waits = Points::START;
+        self.waits = TimelinePoints::START;
         self.is_flushed = true;
         Ok(())
     }

@@ -10,7 +10,7 @@ use crate::error::GpuError;
 
 /// Which count an allocation goes to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Account {
+pub(crate) enum MemoryAccount {
     /// Device memory: bounded by the budget.
     Device,
     /// Memory of the host that the device reaches (staging, readback): counted, not bounded.
@@ -34,21 +34,21 @@ pub struct MemoryUse {
 }
 
 #[derive(Debug)]
-pub(crate) struct Budget {
-    state: Mutex<State>,
+pub(crate) struct MemoryBudget {
+    state: Mutex<BudgetState>,
 }
 
 #[derive(Debug, Default)]
-struct State {
+struct BudgetState {
     counts: MemoryUse,
     #[cfg(feature = "faults")]
     most: u64,
 }
 
-impl Budget {
+impl MemoryBudget {
     pub(crate) fn new(budget: u64) -> Self {
         let counts = MemoryUse { budget, ..MemoryUse::default() };
-        let state = State {
+        let state = BudgetState {
             counts,
             #[cfg(feature = "faults")]
             most: 0,
@@ -56,7 +56,7 @@ impl Budget {
         Self { state: Mutex::new(state) }
     }
 
-    fn lock(&self) -> MutexGuard<'_, State> {
+    fn lock(&self) -> MutexGuard<'_, BudgetState> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -76,18 +76,18 @@ impl Budget {
     }
 
     /// Counts `bytes` as held, or refuses and changes nothing.
-    pub(crate) fn reserve(&self, name: &str, bytes: u64, account: Account) -> Result<(), GpuError> {
+    pub(crate) fn reserve(&self, name: &str, bytes: u64, account: MemoryAccount) -> Result<(), GpuError> {
         let mut state = self.lock();
         let counts = &mut state.counts;
         match account {
-            Account::Device => match counts.used.checked_add(bytes).filter(|&total| total <= counts.budget) {
+            MemoryAccount::Device => match counts.used.checked_add(bytes).filter(|&total| total <= counts.budget) {
                 Some(total) => {
                     counts.used = total;
                     counts.peak = counts.peak.max(total);
                 }
                 None => return Err(out_of_memory(name, bytes, counts)),
             },
-            Account::Host => counts.host_used = counts.host_used.saturating_add(bytes),
+            MemoryAccount::Host => counts.host_used = counts.host_used.saturating_add(bytes),
         }
         counts.allocations += 1;
         #[cfg(feature = "faults")]
@@ -98,11 +98,11 @@ impl Budget {
     }
 
     /// Takes back a reservation of exactly `bytes`.
-    pub(crate) fn release(&self, bytes: u64, account: Account) {
+    pub(crate) fn release(&self, bytes: u64, account: MemoryAccount) {
         let counts = &mut self.lock().counts;
         match account {
-            Account::Device => counts.used = counts.used.saturating_sub(bytes),
-            Account::Host => counts.host_used = counts.host_used.saturating_sub(bytes),
+            MemoryAccount::Device => counts.used = counts.used.saturating_sub(bytes),
+            MemoryAccount::Host => counts.host_used = counts.host_used.saturating_sub(bytes),
         }
         counts.allocations = counts.allocations.saturating_sub(1);
     }
@@ -128,32 +128,32 @@ mod tests {
 
     #[test]
     fn never_above_the_budget() {
-        let budget = Budget::new(100);
-        assert!(budget.reserve("a", 60, Account::Device).is_ok(), "fits");
-        let refused = budget.reserve("b", 41, Account::Device);
+        let budget = MemoryBudget::new(100);
+        assert!(budget.reserve("a", 60, MemoryAccount::Device).is_ok(), "fits");
+        let refused = budget.reserve("b", 41, MemoryAccount::Device);
         let expected = GpuError::OutOfMemory { name: "b".into(), bytes: 41, used: 60, budget: 100 };
         assert_eq!(refused, Err(expected), "one byte too many");
-        assert!(budget.reserve("c", 40, Account::Device).is_ok(), "exactly full is allowed");
-        assert!(budget.reserve("d", u64::MAX, Account::Device).is_err(), "no overflow");
-        budget.release(60, Account::Device);
+        assert!(budget.reserve("c", 40, MemoryAccount::Device).is_ok(), "exactly full is allowed");
+        assert!(budget.reserve("d", u64::MAX, MemoryAccount::Device).is_err(), "no overflow");
+        budget.release(60, MemoryAccount::Device);
         let counts = budget.counts();
         assert_eq!((counts.used, counts.peak, counts.allocations), (40, 100, 1), "peak stays");
     }
 
     #[test]
     fn host_memory_is_counted_but_not_bounded() {
-        let budget = Budget::new(10);
-        assert!(budget.reserve("staging", 1000, Account::Host).is_ok(), "not bounded");
+        let budget = MemoryBudget::new(10);
+        assert!(budget.reserve("staging", 1000, MemoryAccount::Host).is_ok(), "not bounded");
         assert_eq!((budget.counts().used, budget.counts().host_used), (0, 1000), "counted apart");
     }
 
     #[test]
     fn lowering_the_budget_below_use_refuses_until_freed() {
-        let budget = Budget::new(100);
-        assert!(budget.reserve("a", 80, Account::Device).is_ok(), "fits");
+        let budget = MemoryBudget::new(100);
+        assert!(budget.reserve("a", 80, MemoryAccount::Device).is_ok(), "fits");
         budget.set_budget(50);
-        assert!(budget.reserve("b", 1, Account::Device).is_err(), "over the new bound");
-        budget.release(80, Account::Device);
-        assert!(budget.reserve("b", 50, Account::Device).is_ok(), "fits again");
+        assert!(budget.reserve("b", 1, MemoryAccount::Device).is_err(), "over the new bound");
+        budget.release(80, MemoryAccount::Device);
+        assert!(budget.reserve("b", 50, MemoryAccount::Device).is_ok(), "fits again");
     }
 }

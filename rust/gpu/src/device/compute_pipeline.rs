@@ -5,13 +5,13 @@ use std::sync::Arc;
 
 use ash::vk;
 
-use crate::device::logical::Device;
+use crate::device::logical::LogicalDevice;
 use crate::error::GpuError;
 
 /// A pipeline with its layout, destroyed as soon as the last holder drops it.
 #[derive(Debug)]
 pub(crate) struct ComputePipeline {
-    pub(crate) device: Arc<Device>,
+    pub(crate) device: Arc<LogicalDevice>,
     pub(crate) name: String,
     pub(crate) raw: vk::Pipeline,
     pub(crate) layout: vk::PipelineLayout,
@@ -21,7 +21,7 @@ pub(crate) struct ComputePipeline {
 impl ComputePipeline {
     /// Of a module with a compute entry point `main`; `push_bytes` is within the limits, and the cache is alive.
     pub(crate) fn new(
-        (device, cache): (&Arc<Device>, vk::PipelineCache),
+        (device, cache): (&Arc<LogicalDevice>, vk::PipelineCache),
         name: &str,
         module: vk::ShaderModule,
         spec: &[(u32, u32)],

@@ -5,24 +5,24 @@
 use std::collections::BTreeMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use crate::device::mapped::Mapped;
+use crate::device::mapped::MappedPointer;
 use crate::device::raw_buffer::{RawBuffer, RetiredBuffer};
 use crate::device::retire::RetireQueue;
-use crate::instance::lane::Points;
+use crate::instance::lane::TimelinePoints;
 
 /// All mapped buffers of a device, and how many views of them there are.
 #[derive(Debug, Default)]
-pub(crate) struct HostMemory(Mutex<State>);
+pub(crate) struct HostMemory(Mutex<HostMemoryState>);
 
 #[derive(Debug, Default)]
-struct State {
+struct HostMemoryState {
     /// By device address: bytes, and where they are.
-    spans: BTreeMap<u64, (u64, Mapped)>,
+    spans: BTreeMap<u64, (u64, MappedPointer)>,
     views: usize,
 }
 
 impl HostMemory {
-    fn lock(&self) -> MutexGuard<'_, State> {
+    fn lock(&self) -> MutexGuard<'_, HostMemoryState> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -34,7 +34,11 @@ impl HostMemory {
     }
 
     /// Takes what may go once the lanes have come as far as `completed`, and forgets it: nothing while there are views.
-    pub(crate) fn take_ready(&self, retired: &RetireQueue<RetiredBuffer>, completed: Points) -> Vec<RetiredBuffer> {
+    pub(crate) fn take_ready(
+        &self,
+        retired: &RetireQueue<RetiredBuffer>,
+        completed: TimelinePoints,
+    ) -> Vec<RetiredBuffer> {
         let mut state = self.lock();
         if state.views > 0 {
             return Vec::new();
@@ -54,7 +58,7 @@ impl HostMemory {
     }
 
     /// Starts a view: device address, bytes and place of each buffer, in the order of addresses.
-    pub(crate) fn look(&self) -> Vec<(u64, u64, Mapped)> {
+    pub(crate) fn look(&self) -> Vec<(u64, u64, MappedPointer)> {
         let mut state = self.lock();
         state.views += 1;
         state.spans.iter().map(|(&start, &(bytes, at))| (start, bytes, at)).collect()

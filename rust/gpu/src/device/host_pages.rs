@@ -4,12 +4,12 @@
 
 use std::ptr::NonNull;
 
-use crate::device::mapped::Mapped;
+use crate::device::mapped::MappedPointer;
 
 /// Pages, as plain parts: whoever holds the last copy gives them back exactly once.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct HostPages {
-    pub(crate) at: Mapped,
+    pub(crate) at: MappedPointer,
     bytes: usize,
 }
 
@@ -78,7 +78,7 @@ impl HostPages {
     /// Pages of `bytes`, a multiple of [`Self::GRANULE`]; they hold zeros. None where the system has none.
     pub(crate) fn new(bytes: usize) -> Option<Self> {
         let at = system::map(bytes)?;
-        let pages = Self { at: Mapped(NonNull::new(at.cast())?), bytes };
+        let pages = Self { at: MappedPointer(NonNull::new(at.cast())?), bytes };
         pages.touch();
         Some(pages)
     }

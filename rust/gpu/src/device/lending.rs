@@ -10,7 +10,7 @@ use crate::instance::vulkan::Instance;
 pub(crate) const KIND: vk::ExternalMemoryHandleTypeFlags = vk::ExternalMemoryHandleTypeFlags::HOST_ALLOCATION_EXT;
 
 /// See the module.
-pub(crate) struct Lending {
+pub(crate) struct PageLender {
     calls: ash::ext::external_memory_host::Device,
     /// What places and sizes have to be multiples of.
     granule: u64,
@@ -18,28 +18,28 @@ pub(crate) struct Lending {
 
 /// Pages that can be lent.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Lent {
+pub(crate) struct LentPages {
     pub(crate) pages: HostPages,
     pub(crate) bytes: u64,
     /// Memory types that may be made of them, a bit each.
     pub(crate) types: u32,
 }
 
-impl Lending {
+impl PageLender {
     /// For a device that takes pages at multiples of `granule`, with the extension enabled.
     pub(crate) fn new(instance: &Instance, device: &ash::Device, granule: u64) -> Self {
         Self { calls: ash::ext::external_memory_host::Device::new(&instance.raw, device), granule }
     }
 
     /// New pages of at least `bytes`, to be freed by the caller; None where there are none or the driver takes none.
-    pub(crate) fn pages(&self, bytes: u64) -> Option<Lent> {
+    pub(crate) fn pages(&self, bytes: u64) -> Option<LentPages> {
         let bytes = bytes.checked_next_multiple_of(self.granule.max(HostPages::GRANULE))?;
         let pages = HostPages::new(usize::try_from(bytes).ok()?)?;
         let types = self.types(pages);
         if types.is_none() {
             pages.free();
         }
-        Some(Lent { pages, bytes, types: types? })
+        Some(LentPages { pages, bytes, types: types? })
     }
 
     fn types(&self, pages: HostPages) -> Option<u32> {

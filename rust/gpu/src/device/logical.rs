@@ -2,28 +2,28 @@
 //! The logical device and what every object made from it needs: the budget, how far its lanes have come, which buffers
 //! are retired.
 //!
-//! Knows nothing of queues, heaps and pipelines: those hold a `Device` by `Arc`, and it holds none of them, so that the
-//! last one closes it. Any thread.
+//! Knows nothing of queues, heaps and pipelines: those hold a `LogicalDevice` by `Arc`, and it holds none of them, so
+//! that the last one closes it. Any thread.
 
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use ash::vk;
 
-use crate::device::budget::{Budget, automatic_budget};
+use crate::device::budget::{MemoryBudget, automatic_budget};
 use crate::device::host_memory::HostMemory;
-use crate::device::lending::Lending;
-use crate::device::markers::Markers;
-use crate::device::names::Names;
+use crate::device::lending::PageLender;
+use crate::device::markers::OperationMarkers;
+use crate::device::names::DebugNames;
 use crate::device::options::OpenOptions;
-use crate::device::passes::Passes;
+use crate::device::passes::SubmissionLog;
 use crate::device::raw_buffer::{RawBuffer, RetiredBuffer};
 use crate::device::retire::RetireQueue;
-use crate::device::timeline::Timeline;
+use crate::device::timeline::TimelineSemaphore;
 use crate::error::GpuError;
 use crate::instance::capabilities::FeatureChain;
-use crate::instance::lane::{LANES, Lane, Points, QueueChoice, QueueChoices};
-use crate::instance::limits::Limits;
-use crate::instance::probe::{Probed, read_heaps};
+use crate::instance::lane::{LANES, QueueChoice, QueueChoices, QueueLane, TimelinePoints};
+use crate::instance::limits::DeviceLimits;
+use crate::instance::probe::{ProbedDevice, read_heaps};
 use crate::instance::report::DeviceReport;
 use crate::instance::vulkan::{Instance, vulkan_error};
 
@@ -31,42 +31,42 @@ use crate::instance::vulkan::{Instance, vulkan_error};
 pub(crate) const POOL_QUERIES: u32 = 256;
 
 /// See the module.
-pub(crate) struct Device {
+pub(crate) struct LogicalDevice {
     pub(crate) raw: ash::Device,
     pub(crate) physical: vk::PhysicalDevice,
     pub(crate) memory_types: vk::PhysicalDeviceMemoryProperties,
     pub(crate) report: DeviceReport,
-    pub(crate) limits: Limits,
+    pub(crate) limits: DeviceLimits,
     /// All memory is one kind: the host shares it with the device.
     pub(crate) unified: bool,
-    pub(crate) names: Names,
-    pub(crate) budget: Budget,
+    pub(crate) names: DebugNames,
+    pub(crate) budget: MemoryBudget,
     /// The queue of each lane.
     pub(crate) choices: QueueChoices,
-    timelines: [Timeline; LANES],
-    passes: [Passes; LANES],
+    timelines: [TimelineSemaphore; LANES],
+    passes: [SubmissionLog; LANES],
     /// Timestamps are wanted by default.
     pub(crate) profile: bool,
     /// Set once before the device is shared.
-    pub(crate) markers: Option<Markers>,
+    pub(crate) markers: Option<OperationMarkers>,
     retired: RetireQueue<RetiredBuffer>,
     pub(crate) host_memory: HostMemory,
     /// Pages of the process are host memory for it.
-    pub(crate) lending: Option<Lending>,
+    pub(crate) lending: Option<PageLender>,
     query_pools: Mutex<Vec<vk::QueryPool>>,
     lost: OnceLock<String>,
     #[cfg(feature = "faults")]
-    pub(crate) watch: Arc<crate::device::watch::Watch>,
+    pub(crate) watch: Arc<crate::device::watch::DriverWatch>,
     /// Last: everything above is made from it.
     pub(crate) instance: Arc<Instance>,
 }
 
-impl Device {
+impl LogicalDevice {
     /// Opens a probed device that lacks nothing.
-    pub(crate) fn new(instance: Arc<Instance>, probed: Probed, options: &OpenOptions) -> Result<Self, GpuError> {
+    pub(crate) fn new(instance: Arc<Instance>, probed: ProbedDevice, options: &OpenOptions) -> Result<Self, GpuError> {
         let mut choices = probed.queues;
         if !options.transfer_queue {
-            choices[Lane::Transfer.index()] = choices[Lane::Main.index()];
+            choices[QueueLane::Transfer.index()] = choices[QueueLane::Main.index()];
         }
         let raw = create_raw(&instance, &probed, &choices)?;
         // SAFETY: the physical device comes from this instance.
@@ -74,17 +74,17 @@ impl Device {
         #[cfg(feature = "faults")]
         let (raw, watch) = crate::device::watch::taken_over(&raw, &memory_types);
         let granule = probed.lent_granule;
-        let lending = (granule > 0).then(|| Lending::new(&instance, &raw, granule));
+        let lending = (granule > 0).then(|| PageLender::new(&instance, &raw, granule));
         let heaps = &probed.report.heaps;
         let unified = heaps.iter().all(|heap| heap.device_local);
-        let names = Names::new(&instance.raw, &raw, instance.names);
+        let names = DebugNames::new(&instance.raw, &raw, instance.names);
         let mut device = Self {
             physical: probed.physical,
             memory_types,
-            limits: Limits::of(&probed),
+            limits: DeviceLimits::of(&probed),
             unified,
             names,
-            budget: Budget::new(0),
+            budget: MemoryBudget::new(0),
             choices,
             timelines: Default::default(),
             passes: Default::default(),
@@ -102,7 +102,7 @@ impl Device {
             instance,
         };
         device.budget.set_budget(options.budget_bytes.unwrap_or_else(|| device.automatic_budget()));
-        for (lane, timeline) in Lane::ALL.into_iter().zip(&mut device.timelines) {
+        for (lane, timeline) in QueueLane::ALL.into_iter().zip(&mut device.timelines) {
             timeline.create(&device.raw, &device.names, lane)?;
         }
         Ok(device)
@@ -132,9 +132,9 @@ impl Device {
         let last_pass = self.lost.get_or_init(|| {
             let marker = |lane| self.markers.as_ref().map(|markers| markers.read(lane));
             let last_of = |lane| self.passes(lane).last_pass(marker(lane));
-            let mut last_pass = last_of(Lane::Main);
-            if !self.passes(Lane::Transfer).is_empty() {
-                last_pass = format!("{last_pass}; of the transfers: {}", last_of(Lane::Transfer));
+            let mut last_pass = last_of(QueueLane::Main);
+            if !self.passes(QueueLane::Transfer).is_empty() {
+                last_pass = format!("{last_pass}; of the transfers: {}", last_of(QueueLane::Transfer));
             }
             tracing::error!(last_pass, "the GPU was lost");
             last_pass
@@ -152,40 +152,45 @@ impl Device {
 
     /// An error if a test planted a failure of this request.
     #[cfg(feature = "faults")]
-    pub(crate) fn planted(&self, call: crate::device::watch::Call, name: &str, bytes: u64) -> Result<(), GpuError> {
+    pub(crate) fn planted(
+        &self,
+        call: crate::device::watch::DriverCall,
+        name: &str,
+        bytes: u64,
+    ) -> Result<(), GpuError> {
         if self.watch.strikes(call) { Err(self.budget.refused(name, bytes)) } else { Ok(()) }
     }
 
     /// Which queue serves a lane.
-    pub(crate) fn choice(&self, lane: Lane) -> &QueueChoice {
+    pub(crate) fn choice(&self, lane: QueueLane) -> &QueueChoice {
         &self.choices[lane.index()]
     }
 
-    pub(crate) fn timeline(&self, lane: Lane) -> &Timeline {
+    pub(crate) fn timeline(&self, lane: QueueLane) -> &TimelineSemaphore {
         &self.timelines[lane.index()]
     }
 
     /// What a lane has in flight, in words.
-    pub(crate) fn passes(&self, lane: Lane) -> &Passes {
+    pub(crate) fn passes(&self, lane: QueueLane) -> &SubmissionLog {
         &self.passes[lane.index()]
     }
 
     /// The newest submission of each lane.
-    pub(crate) fn submitted(&self) -> Points {
-        Points(Lane::ALL.map(|lane| self.timeline(lane).last_submitted()))
+    pub(crate) fn submitted(&self) -> TimelinePoints {
+        TimelinePoints(QueueLane::ALL.map(|lane| self.timeline(lane).last_submitted()))
     }
 
     /// The newest submission of each lane that has finished; everything, when the device is lost.
-    pub(crate) fn completed(&self) -> Points {
-        let mut completed = Points::START;
-        for lane in Lane::ALL {
+    pub(crate) fn completed(&self) -> TimelinePoints {
+        let mut completed = TimelinePoints::START;
+        for lane in QueueLane::ALL {
             if self.lost.get().is_some() {
-                return Points::END;
+                return TimelinePoints::END;
             }
             let value = self.timeline(lane).completed(&self.raw);
             match self.check("vkGetSemaphoreCounterValue", value) {
                 Ok(value) => completed.raise(lane, value),
-                Err(GpuError::DeviceLost { .. }) => return Points::END,
+                Err(GpuError::DeviceLost { .. }) => return TimelinePoints::END,
                 Err(_) => {}
             }
         }
@@ -193,7 +198,7 @@ impl Device {
     }
 
     /// Ok(true) once submission `value` of a lane has finished, Ok(false) after `timeout_ns`.
-    pub(crate) fn wait(&self, lane: Lane, value: u64, timeout_ns: u64) -> Result<bool, GpuError> {
+    pub(crate) fn wait(&self, lane: QueueLane, value: u64, timeout_ns: u64) -> Result<bool, GpuError> {
         self.check_alive()?;
         match self.timeline(lane).wait(&self.raw, value, timeout_ns) {
             Ok(()) => Ok(true),
@@ -203,21 +208,21 @@ impl Device {
     }
 
     /// Waits until both lanes have come as far as `points`.
-    pub(crate) fn wait_for(&self, points: Points) -> Result<(), GpuError> {
-        for lane in Lane::ALL {
+    pub(crate) fn wait_for(&self, points: TimelinePoints) -> Result<(), GpuError> {
+        for lane in QueueLane::ALL {
             self.wait(lane, points.of(lane), u64::MAX)?;
         }
         Ok(())
     }
 
     /// Destroys a buffer after these submissions: at once if they have passed.
-    pub(crate) fn retire(&self, points: Points, buffer: RetiredBuffer) {
+    pub(crate) fn retire(&self, points: TimelinePoints, buffer: RetiredBuffer) {
         self.retired.push(points, buffer);
         self.release(self.completed());
     }
 
     /// Destroys what is retired and waits for nothing after `completed`.
-    pub(crate) fn release(&self, completed: Points) {
+    pub(crate) fn release(&self, completed: TimelinePoints) {
         for RetiredBuffer { raw, held } in self.host_memory.take_ready(&self.retired, completed) {
             self.destroy(raw);
             drop(held);
@@ -225,7 +230,7 @@ impl Device {
     }
 
     /// The points after which all that is retired now can go; None when nothing is.
-    pub(crate) fn last_retired(&self) -> Option<Points> {
+    pub(crate) fn last_retired(&self) -> Option<TimelinePoints> {
         self.retired.last_points()
     }
 
@@ -258,7 +263,7 @@ impl Device {
 }
 
 /// The logical device with the queues of its lanes and everything that was found switched on.
-fn create_raw(instance: &Instance, probed: &Probed, choices: &QueueChoices) -> Result<ash::Device, GpuError> {
+fn create_raw(instance: &Instance, probed: &ProbedDevice, choices: &QueueChoices) -> Result<ash::Device, GpuError> {
     let priorities = [1.0_f32; LANES];
     let [main, transfer] = *choices;
     let queues_of = |family: u32, count: u32| {
@@ -288,13 +293,13 @@ fn create_raw(instance: &Instance, probed: &Probed, choices: &QueueChoices) -> R
         .map_err(|code| vulkan_error("vkCreateDevice", code))
 }
 
-impl Drop for Device {
+impl Drop for LogicalDevice {
     fn drop(&mut self) {
         // SAFETY: no other thread can use the queues: this is the last holder of the device.
         if let Err(code) = unsafe { self.raw.device_wait_idle() } {
             tracing::debug!("vkDeviceWaitIdle failed while closing: {code:?}");
         }
-        self.release(Points::END);
+        self.release(TimelinePoints::END);
         if let Some(markers) = self.markers.take() {
             self.destroy(markers.into_raw());
         }
@@ -310,7 +315,7 @@ impl Drop for Device {
     }
 }
 
-impl std::fmt::Debug for Device {
+impl std::fmt::Debug for LogicalDevice {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Device").field("name", &self.report.name).finish_non_exhaustive()
     }

@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use ash::vk;
 
 use crate::device::raw_buffer::RawBuffer;
-use crate::instance::lane::{LANES, Lane};
+use crate::instance::lane::{LANES, QueueLane};
 
 /// Bytes of one lane's word.
 const WORD: u64 = 4;
@@ -19,19 +19,19 @@ pub(crate) const MARKER_BYTES: u64 = WORD * LANES as u64;
 
 /// An operation with its number.
 #[derive(Debug)]
-pub(crate) struct Mark {
+pub(crate) struct OperationMark {
     id: u32,
     name: String,
 }
 
 /// The stamped words.
 #[derive(Debug)]
-pub(crate) struct Markers {
+pub(crate) struct OperationMarkers {
     raw: RawBuffer,
     next: AtomicU32,
 }
 
-impl Markers {
+impl OperationMarkers {
     /// Words in a new mapped buffer of [`MARKER_BYTES`].
     pub(crate) fn new(raw: RawBuffer) -> Self {
         if let Some(mapped) = raw.mapped {
@@ -42,16 +42,22 @@ impl Markers {
     }
 
     /// Records the stamp of an operation called `name`. The caller has just recorded a full barrier.
-    pub(crate) fn stamp(&self, device: &ash::Device, lane: Lane, commands: vk::CommandBuffer, name: &str) -> Mark {
+    pub(crate) fn stamp(
+        &self,
+        device: &ash::Device,
+        lane: QueueLane,
+        commands: vk::CommandBuffer,
+        name: &str,
+    ) -> OperationMark {
         let id = self.next.fetch_add(1, Ordering::Relaxed);
         let offset = WORD * lane.index() as u64;
         // SAFETY: `commands` is recording, and the buffer has TRANSFER_DST usage and a word for each lane.
         unsafe { device.cmd_fill_buffer(commands, self.raw.buffer, offset, WORD, id) };
-        Mark { id, name: name.to_owned() }
+        OperationMark { id, name: name.to_owned() }
     }
 
     /// The number that a lane stamped last. Meaningful once the device is lost or idle.
-    pub(crate) fn read(&self, lane: Lane) -> u32 {
+    pub(crate) fn read(&self, lane: QueueLane) -> u32 {
         let Some(mapped) = self.raw.mapped else { return 0 };
         // SAFETY: a word for each lane is mapped and aligned; the device may write them meanwhile, hence volatile.
         let words = unsafe { mapped.as_ptr().cast::<[u32; LANES]>().read_volatile() };
@@ -66,7 +72,7 @@ impl Markers {
 
 /// What the stamp `id` says about the work in flight, labels with their marks in the order of submission; None when no
 /// operation there has this number.
-pub(crate) fn describe<'a>(work: impl Iterator<Item = (&'a str, &'a [Mark])>, id: u32) -> Option<String> {
+pub(crate) fn describe<'a>(work: impl Iterator<Item = (&'a str, &'a [OperationMark])>, id: u32) -> Option<String> {
     let mut before = None;
     for (label, marks) in work {
         for mark in marks {
@@ -84,8 +90,8 @@ pub(crate) fn describe<'a>(work: impl Iterator<Item = (&'a str, &'a [Mark])>, id
 mod tests {
     use super::*;
 
-    fn marks(list: &[(u32, &str)]) -> Vec<Mark> {
-        list.iter().map(|&(id, name)| Mark { id, name: name.to_owned() }).collect()
+    fn marks(list: &[(u32, &str)]) -> Vec<OperationMark> {
+        list.iter().map(|&(id, name)| OperationMark { id, name: name.to_owned() }).collect()
     }
 
     #[test]

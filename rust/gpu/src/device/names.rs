@@ -9,11 +9,11 @@ use ash::vk;
 
 /// Gives names to objects and labels to stretches of command buffers; does nothing without the extension.
 #[derive(Clone, Default)]
-pub(crate) struct Names {
+pub(crate) struct DebugNames {
     utils: Option<ash::ext::debug_utils::Device>,
 }
 
-impl Names {
+impl DebugNames {
     pub(crate) fn new(instance: &ash::Instance, device: &ash::Device, enabled: bool) -> Self {
         Self { utils: enabled.then(|| ash::ext::debug_utils::Device::new(instance, device)) }
     }
@@ -29,7 +29,7 @@ impl Names {
         }
     }
 
-    /// Opens a label; each is closed by [`Names::end`] in the same command buffer.
+    /// Opens a label; each is closed by [`DebugNames::end`] in the same command buffer.
     pub(crate) fn begin(&self, commands: vk::CommandBuffer, name: &str) {
         let Some(utils) = &self.utils else { return };
         let name = c_string(name);
@@ -51,7 +51,7 @@ fn c_string(name: &str) -> CString {
     CString::new(&name[..end]).unwrap_or_default()
 }
 
-impl std::fmt::Debug for Names {
+impl std::fmt::Debug for DebugNames {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Names").field("enabled", &self.utils.is_some()).finish()
     }

@@ -4,41 +4,41 @@
 use std::collections::VecDeque;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use crate::device::markers::{Mark, describe};
+use crate::device::markers::{OperationMark, describe};
 
 /// What is known of a submission in flight.
 #[derive(Debug)]
-struct Submitted {
+struct SubmissionRecord {
     value: u64,
     label: String,
-    marks: Vec<Mark>,
+    marks: Vec<OperationMark>,
 }
 
 #[derive(Debug)]
-struct State {
-    in_flight: VecDeque<Submitted>,
+struct SubmissionLogState {
+    in_flight: VecDeque<SubmissionRecord>,
     /// Label of the newest submission known to have finished.
     last_finished: String,
 }
 
 /// The record of one lane.
 #[derive(Debug)]
-pub(crate) struct Passes(Mutex<State>);
+pub(crate) struct SubmissionLog(Mutex<SubmissionLogState>);
 
-impl Default for Passes {
+impl Default for SubmissionLog {
     fn default() -> Self {
-        Self(Mutex::new(State { in_flight: VecDeque::new(), last_finished: "none".to_owned() }))
+        Self(Mutex::new(SubmissionLogState { in_flight: VecDeque::new(), last_finished: "none".to_owned() }))
     }
 }
 
-impl Passes {
-    fn lock(&self) -> MutexGuard<'_, State> {
+impl SubmissionLog {
+    fn lock(&self) -> MutexGuard<'_, SubmissionLogState> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Notes a submission, the newest of the lane.
-    pub(crate) fn submitted(&self, value: u64, label: String, marks: Vec<Mark>) {
-        self.lock().in_flight.push_back(Submitted { value, label, marks });
+    pub(crate) fn submitted(&self, value: u64, label: String, marks: Vec<OperationMark>) {
+        self.lock().in_flight.push_back(SubmissionRecord { value, label, marks });
     }
 
     /// Forgets what has finished.
@@ -74,7 +74,7 @@ mod tests {
 
     #[test]
     fn the_last_finished_pass_is_remembered_by_label() {
-        let passes = Passes::default();
+        let passes = SubmissionLog::default();
         assert_eq!((passes.last_pass(None).as_str(), passes.is_empty()), ("none", true), "nothing ran");
         for (value, label) in [(1, "first"), (2, "second"), (3, "third")] {
             passes.submitted(value, label.to_owned(), Vec::new());

@@ -17,9 +17,9 @@ use std::time::{Duration, SystemTime};
 use ash::vk;
 use xxhash_rust::xxh3::xxh3_64;
 
-use crate::device::logical::Device;
+use crate::device::logical::LogicalDevice;
 use crate::error::GpuError;
-use crate::instance::probe::Probed;
+use crate::instance::probe::ProbedDevice;
 use crate::instance::vulkan::vulkan_error;
 
 /// Most bytes of a cache that are read or written.
@@ -50,7 +50,7 @@ pub(crate) struct CacheFile {
 }
 
 impl CacheFile {
-    pub(crate) fn new(folder: &Path, probed: &Probed, key: u64) -> Self {
+    pub(crate) fn new(folder: &Path, probed: &ProbedDevice, key: u64) -> Self {
         let properties = &probed.properties;
         let uuid: String = probed.device_uuid.iter().map(|byte| format!("{byte:02x}")).collect();
         let name = format!("{PREFIX}{uuid}-{:08x}-{key:016x}.{ENDING}", properties.driver_version);
@@ -186,14 +186,14 @@ fn payload_of<'a>(file: &'a [u8], vulkan_header: &[u8]) -> Result<&'a [u8], &'st
 /// The pipelines compiled so far; written to its file, if it has one, when it is dropped.
 #[derive(Debug)]
 pub(crate) struct PipelineCache {
-    device: Arc<Device>,
+    device: Arc<LogicalDevice>,
     raw: vk::PipelineCache,
     file: Option<CacheFile>,
 }
 
 impl PipelineCache {
     /// Makes the cache, from the file if there is one.
-    pub(crate) fn new(device: &Arc<Device>, file: Option<CacheFile>) -> Result<Self, GpuError> {
+    pub(crate) fn new(device: &Arc<LogicalDevice>, file: Option<CacheFile>) -> Result<Self, GpuError> {
         let stored = file.as_ref().and_then(CacheFile::load).unwrap_or_default();
         let info = vk::PipelineCacheCreateInfo::default().initial_data(&stored);
         // SAFETY: the device is alive; the data is empty, or was checked to be what this driver gave for this device.

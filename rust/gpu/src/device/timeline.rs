@@ -6,20 +6,20 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use ash::vk;
 
-use crate::device::names::Names;
+use crate::device::names::DebugNames;
 use crate::error::GpuError;
-use crate::instance::lane::Lane;
+use crate::instance::lane::QueueLane;
 use crate::instance::vulkan::vulkan_error;
 
-/// The timeline of a lane. Until [`Timeline::create`] it is null, which may be destroyed.
+/// The timeline of a lane. Until [`TimelineSemaphore::create`] it is null, which may be destroyed.
 #[derive(Debug, Default)]
-pub(crate) struct Timeline {
+pub(crate) struct TimelineSemaphore {
     semaphore: vk::Semaphore,
     submitted: AtomicU64,
 }
 
-impl Timeline {
-    pub(crate) fn create(&mut self, device: &ash::Device, names: &Names, lane: Lane) -> Result<(), GpuError> {
+impl TimelineSemaphore {
+    pub(crate) fn create(&mut self, device: &ash::Device, names: &DebugNames, lane: QueueLane) -> Result<(), GpuError> {
         let mut kind = vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
         let info = vk::SemaphoreCreateInfo::default().push_next(&mut kind);
         // SAFETY: timelineSemaphore is enabled.
@@ -28,8 +28,8 @@ impl Timeline {
         names.set(
             self.semaphore,
             match lane {
-                Lane::Main => "submissions",
-                Lane::Transfer => "transfers",
+                QueueLane::Main => "submissions",
+                QueueLane::Transfer => "transfers",
             },
         );
         Ok(())

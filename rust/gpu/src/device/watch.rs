@@ -18,7 +18,7 @@ const MOST_POISON: u64 = 64 << 20;
 
 /// What can be made to fail.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Call {
+pub enum DriverCall {
     /// [`Buffer::new`](crate::Buffer::new), [`Heap::alloc`](crate::Heap::alloc) and
     /// [`Heap::try_alloc`](crate::Heap::try_alloc), whatever they would take it from.
     Request,
@@ -38,11 +38,11 @@ pub enum Call {
     Submit,
 }
 
-/// A failure that a test plants: for lack of memory, but for [`Call::Submit`].
+/// A failure that a test plants: for lack of memory, but for [`DriverCall::Submit`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Failure {
+pub struct PlantedFailure {
     /// What fails.
-    pub call: Call,
+    pub call: DriverCall,
     /// Calls that succeed before; 0 = the next one fails.
     pub after: u64,
     /// How many fail then, one after the other.
@@ -61,37 +61,40 @@ pub struct DriverMemory {
 }
 
 /// What a device's calls go through.
-pub(crate) struct Watch {
+pub(crate) struct DriverWatch {
     driver: ash::DeviceFnV1_0,
     /// Memory types that the host can map, a bit each.
     mappable: u32,
-    state: Mutex<State>,
+    state: Mutex<DriverWatchState>,
 }
 
 #[derive(Default)]
-struct State {
+struct DriverWatchState {
     memory: DriverMemory,
     sizes: BTreeMap<u64, u64>,
-    planted: Option<Failure>,
+    planted: Option<PlantedFailure>,
     struck: u64,
     /// A submission was made to fail: so do all later ones.
     is_lost: bool,
 }
 
 /// The watches of open devices, by handle: a function of the driver's knows no more.
-static WATCHES: Mutex<BTreeMap<u64, Arc<Watch>>> = Mutex::new(BTreeMap::new());
+static WATCHES: Mutex<BTreeMap<u64, Arc<DriverWatch>>> = Mutex::new(BTreeMap::new());
 
-fn watches() -> MutexGuard<'static, BTreeMap<u64, Arc<Watch>>> {
+fn watches() -> MutexGuard<'static, BTreeMap<u64, Arc<DriverWatch>>> {
     WATCHES.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// The same device, with the calls taken over.
-pub(crate) fn taken_over(raw: &ash::Device, types: &vk::PhysicalDeviceMemoryProperties) -> (ash::Device, Arc<Watch>) {
+pub(crate) fn taken_over(
+    raw: &ash::Device,
+    types: &vk::PhysicalDeviceMemoryProperties,
+) -> (ash::Device, Arc<DriverWatch>) {
     let mut table = raw.fp_v1_0().clone();
     let is_mappable = |of: &vk::MemoryType| of.property_flags.contains(vk::MemoryPropertyFlags::HOST_VISIBLE);
     let types = types.memory_types_as_slice().iter().enumerate();
     let mappable = types.filter(|(_, of)| is_mappable(of)).fold(0, |bits, (index, _)| bits | 1 << index);
-    let watch = Arc::new(Watch { driver: table.clone(), mappable, state: Mutex::default() });
+    let watch = Arc::new(DriverWatch { driver: table.clone(), mappable, state: Mutex::default() });
     watches().insert(raw.handle().as_raw(), Arc::clone(&watch));
     table.allocate_memory = allocate_memory;
     table.free_memory = free_memory;
@@ -103,16 +106,17 @@ pub(crate) fn taken_over(raw: &ash::Device, types: &vk::PhysicalDeviceMemoryProp
     (ash::Device::from_parts_1_3(raw.handle(), table, v11, v12, v13), watch)
 }
 
-impl Watch {
-    fn lock(&self) -> MutexGuard<'_, State> {
+impl DriverWatch {
+    fn lock(&self) -> MutexGuard<'_, DriverWatchState> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Counts a call; true if it is to fail.
-    pub(crate) fn strikes(&self, call: Call) -> bool {
+    pub(crate) fn strikes(&self, call: DriverCall) -> bool {
         let state = &mut *self.lock();
-        let is_meant = |failure: &Failure| {
-            failure.call == call || (failure.call == Call::Request && matches!(call, Call::Buffer | Call::Range))
+        let is_meant = |failure: &PlantedFailure| {
+            failure.call == call
+                || (failure.call == DriverCall::Request && matches!(call, DriverCall::Buffer | DriverCall::Range))
         };
         let Some(failure) = state.planted.as_mut().filter(|failure| is_meant(failure)) else { return false };
         if failure.after > 0 {
@@ -128,7 +132,7 @@ impl Watch {
     }
 }
 
-impl Watch {
+impl DriverWatch {
     /// Fills the first `bytes` of new memory that the host can map.
     fn poison(&self, device: vk::Device, memory: vk::DeviceMemory, bytes: u64) {
         let (mut start, flags) = (std::ptr::null_mut(), vk::MemoryMapFlags::empty());
@@ -146,22 +150,22 @@ impl Watch {
     }
 }
 
-impl std::fmt::Debug for Watch {
+impl std::fmt::Debug for DriverWatch {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Watch").field("memory", &self.lock().memory).finish_non_exhaustive()
     }
 }
 
 /// What tests ask of a watch.
-impl Watch {
+impl DriverWatch {
     /// Makes calls fail, in place of what was planted before.
-    pub(crate) fn plant(&self, failure: Failure) {
+    pub(crate) fn plant(&self, failure: PlantedFailure) {
         self.lock().planted = Some(failure);
     }
 
     /// Whether the device is lost with this submission, or was with one before.
     pub(crate) fn loses(&self) -> bool {
-        let strikes = self.strikes(Call::Submit);
+        let strikes = self.strikes(DriverCall::Submit);
         let state = &mut *self.lock();
         state.is_lost |= strikes;
         state.is_lost
@@ -179,7 +183,7 @@ impl Watch {
 }
 
 /// The watch of a device. Every device of this crate has one until it is destroyed.
-fn of(device: vk::Device) -> Option<Arc<Watch>> {
+fn of(device: vk::Device) -> Option<Arc<DriverWatch>> {
     watches().get(&device.as_raw()).cloned()
 }
 
@@ -192,7 +196,7 @@ unsafe extern "system" fn allocate_memory(
     callbacks: *const vk::AllocationCallbacks<'_>,
     memory: *mut vk::DeviceMemory,
 ) -> vk::Result {
-    let Some(watch) = of(device).filter(|watch| !watch.strikes(Call::Memory)) else { return NO_DEVICE_MEMORY };
+    let Some(watch) = of(device).filter(|watch| !watch.strikes(DriverCall::Memory)) else { return NO_DEVICE_MEMORY };
     // SAFETY: the arguments are the caller's, who keeps to the rules of the function.
     let result = unsafe { (watch.driver.allocate_memory)(device, info, callbacks, memory) };
     if result == vk::Result::SUCCESS {
@@ -237,7 +241,7 @@ unsafe extern "system" fn map_memory(
     flags: vk::MemoryMapFlags,
     data: *mut *mut c_void,
 ) -> vk::Result {
-    let Some(watch) = of(device).filter(|watch| !watch.strikes(Call::Mapping)) else { return NO_HOST_MEMORY };
+    let Some(watch) = of(device).filter(|watch| !watch.strikes(DriverCall::Mapping)) else { return NO_HOST_MEMORY };
     // SAFETY: the arguments are the caller's, who keeps to the rules of the function.
     unsafe { (watch.driver.map_memory)(device, memory, offset, size, flags, data) }
 }
@@ -250,7 +254,7 @@ unsafe extern "system" fn create_compute_pipelines(
     callbacks: *const vk::AllocationCallbacks<'_>,
     pipelines: *mut vk::Pipeline,
 ) -> vk::Result {
-    let Some(watch) = of(device).filter(|watch| !watch.strikes(Call::Pipeline)) else {
+    let Some(watch) = of(device).filter(|watch| !watch.strikes(DriverCall::Pipeline)) else {
         for place in (0..count as usize).map(|at| pipelines.wrapping_add(at)) {
             // SAFETY: there is room for `count` by the rules of the function; those that failed are null.
             unsafe { place.write(vk::Pipeline::null()) };
@@ -267,7 +271,7 @@ unsafe extern "system" fn create_command_pool(
     callbacks: *const vk::AllocationCallbacks<'_>,
     pool: *mut vk::CommandPool,
 ) -> vk::Result {
-    let Some(watch) = of(device).filter(|watch| !watch.strikes(Call::CommandPool)) else { return NO_HOST_MEMORY };
+    let Some(watch) = of(device).filter(|watch| !watch.strikes(DriverCall::CommandPool)) else { return NO_HOST_MEMORY };
     // SAFETY: the arguments are the caller's, who keeps to the rules of the function.
     unsafe { (watch.driver.create_command_pool)(device, info, callbacks, pool) }
 }

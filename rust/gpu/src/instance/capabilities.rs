@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! What a device can do, probed once, and what of that is switched on.
 //!
-//! `probe` reads, [`Capabilities::missing`] decides, `FeatureChain::enable` asks for exactly what was found. Any
+//! `probe` reads, [`DeviceCapabilities::missing`] decides, `FeatureChain::enable` asks for exactly what was found. Any
 //! thread.
 
 use ash::vk;
@@ -9,7 +9,7 @@ use ash::vk;
 /// What was found on a device. The first group is required, the second is used when present.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
-pub struct Capabilities {
+pub struct DeviceCapabilities {
     /// Required: the device speaks Vulkan 1.2 or newer.
     pub vulkan_1_2: bool,
     /// Required: 64-bit integers in shaders.
@@ -47,7 +47,7 @@ pub struct Capabilities {
     pub vulkan_memory_model: bool,
 }
 
-impl Capabilities {
+impl DeviceCapabilities {
     /// Names of required capabilities that are missing; empty when the device can be used.
     #[must_use]
     pub fn missing(&self) -> Vec<&'static str> {
@@ -90,7 +90,7 @@ pub(crate) fn probe_features(
     instance: &ash::Instance,
     physical: vk::PhysicalDevice,
     subgroup: &vk::PhysicalDeviceVulkan11Properties<'_>,
-) -> Capabilities {
+) -> DeviceCapabilities {
     let mut v11 = vk::PhysicalDeviceVulkan11Features::default();
     let mut v12 = vk::PhysicalDeviceVulkan12Features::default();
     let mut features = vk::PhysicalDeviceFeatures2::default().push_next(&mut v11).push_next(&mut v12);
@@ -102,7 +102,7 @@ pub(crate) fn probe_features(
         | vk::SubgroupFeatureFlags::BALLOT
         | vk::SubgroupFeatureFlags::ARITHMETIC
         | vk::SubgroupFeatureFlags::SHUFFLE;
-    Capabilities {
+    DeviceCapabilities {
         vulkan_1_2: true,
         shader_int64: yes(core.shader_int64),
         buffer_device_address: yes(v12.buffer_device_address),
@@ -126,18 +126,18 @@ pub(crate) fn probe_features(
 
 #[cfg(feature = "faults")]
 thread_local! {
-    static HIDDEN: std::cell::Cell<Option<fn(&mut Capabilities)>> = const { std::cell::Cell::new(None) };
+    static HIDDEN: std::cell::Cell<Option<fn(&mut DeviceCapabilities)>> = const { std::cell::Cell::new(None) };
 }
 
 /// For tests: devices that this thread looks for or opens from now on lack what `hide` takes away.
 #[cfg(feature = "faults")]
-pub fn hide_capabilities(hide: Option<fn(&mut Capabilities)>) {
+pub fn hide_capabilities(hide: Option<fn(&mut DeviceCapabilities)>) {
     HIDDEN.set(hide);
 }
 
 /// Takes away what a test wants to be missing.
 #[cfg(feature = "faults")]
-pub(crate) fn hide(capabilities: &mut Capabilities) {
+pub(crate) fn hide(capabilities: &mut DeviceCapabilities) {
     if let Some(hide) = HIDDEN.get() {
         hide(capabilities);
     }
@@ -153,7 +153,7 @@ pub(crate) struct FeatureChain {
 
 impl FeatureChain {
     /// Asks for everything in `found` and nothing else.
-    pub(crate) fn enable(found: &Capabilities) -> Self {
+    pub(crate) fn enable(found: &DeviceCapabilities) -> Self {
         let sixteen = found.shader_int16 || found.shader_float16;
         Self {
             core: vk::PhysicalDeviceFeatures::default()
@@ -182,9 +182,9 @@ mod tests {
 
     #[test]
     fn missing_is_listed_by_name_and_old_devices_by_version() {
-        let none = Capabilities::default();
+        let none = DeviceCapabilities::default();
         assert_eq!(none.missing(), ["Vulkan 1.2"], "an old device lacks the version, not a list of features");
-        let mut all = Capabilities {
+        let mut all = DeviceCapabilities {
             vulkan_1_2: true,
             shader_int64: true,
             buffer_device_address: true,

@@ -5,7 +5,7 @@ use crate::error::GpuError;
 use crate::instance::probe::probe_all;
 use crate::instance::report::DeviceReport;
 use crate::instance::select;
-use crate::instance::vulkan::{Instance, Validation};
+use crate::instance::vulkan::{Instance, ValidationLevel};
 
 /// All devices, with `chosen` and `why` as if opened without a selector.
 ///
@@ -20,7 +20,7 @@ pub fn enumerate() -> Result<Vec<DeviceReport>, GpuError> {
 /// # Errors
 /// As [`enumerate`]. A selector that names no device leaves all unchosen, and says so in each `why`.
 pub fn enumerate_for(selector: Option<&str>) -> Result<Vec<DeviceReport>, GpuError> {
-    let instance = Instance::get(Validation::Off)?;
+    let instance = Instance::get(ValidationLevel::Off)?;
     let mut reports: Vec<_> = probe_all(&instance)?.into_iter().map(|probed| probed.report).collect();
     match select::choose(&reports, selector) {
         Ok(chosen) => select::explain(&mut reports, chosen, selector),

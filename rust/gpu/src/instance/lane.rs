@@ -12,14 +12,14 @@ pub(crate) const LANES: usize = 2;
 
 /// Where a command list runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Lane {
+pub(crate) enum QueueLane {
     /// Computes and copies.
     Main,
     /// Copies, fills and updates.
     Transfer,
 }
 
-impl Lane {
+impl QueueLane {
     pub(crate) const ALL: [Self; LANES] = [Self::Main, Self::Transfer];
 
     pub(crate) fn index(self) -> usize {
@@ -30,17 +30,17 @@ impl Lane {
     }
 }
 
-/// A timeline value of each lane. The derived order is for maps only; see [`Points::reached_by`].
+/// A timeline value of each lane. The derived order is for maps only; see [`TimelinePoints::reached_by`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) struct Points(pub(crate) [u64; LANES]);
+pub(crate) struct TimelinePoints(pub(crate) [u64; LANES]);
 
-impl Points {
+impl TimelinePoints {
     /// Before the first submission.
     pub(crate) const START: Self = Self([0; LANES]);
     /// After everything, as on a lost device.
     pub(crate) const END: Self = Self([u64::MAX; LANES]);
 
-    pub(crate) fn of(self, lane: Lane) -> u64 {
+    pub(crate) fn of(self, lane: QueueLane) -> u64 {
         self.0[lane.index()]
     }
 
@@ -51,14 +51,14 @@ impl Points {
 
     /// The later of both, lane by lane.
     pub(crate) fn later(mut self, other: Self) -> Self {
-        for lane in Lane::ALL {
+        for lane in QueueLane::ALL {
             self.raise(lane, other.of(lane));
         }
         self
     }
 
     /// Raises one lane to at least `value`.
-    pub(crate) fn raise(&mut self, lane: Lane, value: u64) {
+    pub(crate) fn raise(&mut self, lane: QueueLane, value: u64) {
         let point = &mut self.0[lane.index()];
         *point = value.max(*point);
     }
@@ -138,15 +138,21 @@ mod tests {
 
     #[test]
     fn a_timeline_point_is_reached_when_both_queues_are() {
-        let point = Points([3, 5]);
-        assert!(point.reached_by(Points([3, 5])) && point.reached_by(Points::END), "there, and past it");
-        assert!(!point.reached_by(Points([9, 4])) && !point.reached_by(Points([2, 9])), "one lane is not enough");
-        assert!(Points::START.reached_by(Points::START), "nothing to wait for");
+        let point = TimelinePoints([3, 5]);
+        assert!(
+            point.reached_by(TimelinePoints([3, 5])) && point.reached_by(TimelinePoints::END),
+            "there, and past it"
+        );
+        assert!(
+            !point.reached_by(TimelinePoints([9, 4])) && !point.reached_by(TimelinePoints([2, 9])),
+            "one lane is not enough"
+        );
+        assert!(TimelinePoints::START.reached_by(TimelinePoints::START), "nothing to wait for");
         let mut raised = point;
-        raised.raise(Lane::Transfer, 4);
-        raised.raise(Lane::Main, 7);
-        assert_eq!(raised, Points([7, 5]), "never lowered");
-        assert_eq!(Points([3, 5]).later(Points([2, 9])), Points([3, 9]), "lane by lane");
-        assert_eq!(Points([3, 5]).later(Points([4, 2])), Points([4, 5]), "either one");
+        raised.raise(QueueLane::Transfer, 4);
+        raised.raise(QueueLane::Main, 7);
+        assert_eq!(raised, TimelinePoints([7, 5]), "never lowered");
+        assert_eq!(TimelinePoints([3, 5]).later(TimelinePoints([2, 9])), TimelinePoints([3, 9]), "lane by lane");
+        assert_eq!(TimelinePoints([3, 5]).later(TimelinePoints([4, 2])), TimelinePoints([4, 5]), "either one");
     }
 }

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 //! What callers must keep to on the open device.
 
-use crate::instance::probe::Probed;
+use crate::instance::probe::ProbedDevice;
 
 /// Limits of the open device that callers plan with.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
-pub struct Limits {
+pub struct DeviceLimits {
     /// Largest buffer, arena or dedicated range in bytes.
     pub max_allocation_bytes: u64,
     /// Most workgroups of a dispatch in each dimension.
@@ -21,8 +21,8 @@ pub struct Limits {
     pub timestamp_period_ns: f32,
 }
 
-impl Limits {
-    pub(crate) fn of(probed: &Probed) -> Self {
+impl DeviceLimits {
+    pub(crate) fn of(probed: &ProbedDevice) -> Self {
         let limits = &probed.properties.limits;
         Self {
             max_allocation_bytes: probed.max_allocation_bytes,

@@ -5,7 +5,7 @@ use ash::vk;
 
 /// Where a buffer's memory lives and what it is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Usage {
+pub enum BufferUsage {
     /// Device memory, not reachable by the host. Counts against the budget.
     Device,
     /// Host memory that the host writes and the device reads; mapped all the time.
@@ -32,15 +32,18 @@ pub(crate) const HOST_FLAGS: vk::MemoryPropertyFlags = vk::MemoryPropertyFlags::
 
 /// The memory type for a usage among those in `allowed` (a bit each): required flags, then fewest unwanted and most
 /// wanted ones.
-pub(crate) fn choose_type(types: &[vk::MemoryType], allowed: u32, usage: Usage) -> Option<u32> {
-    type F = vk::MemoryPropertyFlags;
-    let host = F::HOST_VISIBLE | F::HOST_COHERENT;
+pub(crate) fn choose_type(types: &[vk::MemoryType], allowed: u32, usage: BufferUsage) -> Option<u32> {
+    type MemoryFlags = vk::MemoryPropertyFlags;
+    let host = MemoryFlags::HOST_VISIBLE | MemoryFlags::HOST_COHERENT;
     let (required, wanted, unwanted) = match usage {
-        Usage::Device => (F::DEVICE_LOCAL, F::empty(), F::HOST_VISIBLE | F::HOST_CACHED),
-        Usage::Upload => (host, F::empty(), F::DEVICE_LOCAL | F::HOST_CACHED),
-        Usage::Readback | Usage::Shared => (host, F::HOST_CACHED, F::DEVICE_LOCAL),
+        BufferUsage::Device => {
+            (MemoryFlags::DEVICE_LOCAL, MemoryFlags::empty(), MemoryFlags::HOST_VISIBLE | MemoryFlags::HOST_CACHED)
+        }
+        BufferUsage::Upload => (host, MemoryFlags::empty(), MemoryFlags::DEVICE_LOCAL | MemoryFlags::HOST_CACHED),
+        BufferUsage::Readback | BufferUsage::Shared => (host, MemoryFlags::HOST_CACHED, MemoryFlags::DEVICE_LOCAL),
     };
-    let penalty = |flags: F| (flags & unwanted).as_raw().count_ones() + (wanted & !flags).as_raw().count_ones();
+    let penalty =
+        |flags: MemoryFlags| (flags & unwanted).as_raw().count_ones() + (wanted & !flags).as_raw().count_ones();
     (0_u32..)
         .zip(types)
         .filter(|(i, kind)| {
@@ -59,50 +62,67 @@ pub(crate) fn is_all_mapped(types: &[vk::MemoryType]) -> bool {
             .and_then(|index| types.get(index as usize))
             .is_some_and(|found| found.property_flags.contains(HOST_FLAGS))
     };
-    [Usage::Device, Usage::Upload, Usage::Readback, Usage::Shared].into_iter().all(seen)
+    [BufferUsage::Device, BufferUsage::Upload, BufferUsage::Readback, BufferUsage::Shared].into_iter().all(seen)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    type F = vk::MemoryPropertyFlags;
+    type MemoryFlags = vk::MemoryPropertyFlags;
 
-    fn types(flags: &[F]) -> Vec<vk::MemoryType> {
+    fn types(flags: &[MemoryFlags]) -> Vec<vk::MemoryType> {
         flags.iter().map(|&property_flags| vk::MemoryType { property_flags, heap_index: 0 }).collect()
     }
 
     #[test]
     fn discrete_gpus_keep_device_memory_and_staging_apart() {
-        let host = F::HOST_VISIBLE | F::HOST_COHERENT;
-        let list = types(&[F::empty(), F::DEVICE_LOCAL, host, host | F::HOST_CACHED, F::DEVICE_LOCAL | host]);
-        assert_eq!(choose_type(&list, !0, Usage::Device), Some(1), "not the host-visible window");
-        assert_eq!(choose_type(&list, !0, Usage::Upload), Some(2), "write-combined host memory");
-        assert_eq!(choose_type(&list, !0, Usage::Readback), Some(3), "cached host memory");
-        assert_eq!(choose_type(&list, 0b1_0010, Usage::Readback), Some(4), "the window when nothing else is allowed");
-        assert_eq!(choose_type(&list, 0b1, Usage::Device), None, "no type fits");
+        let host = MemoryFlags::HOST_VISIBLE | MemoryFlags::HOST_COHERENT;
+        let list = types(&[
+            MemoryFlags::empty(),
+            MemoryFlags::DEVICE_LOCAL,
+            host,
+            host | MemoryFlags::HOST_CACHED,
+            MemoryFlags::DEVICE_LOCAL | host,
+        ]);
+        assert_eq!(choose_type(&list, !0, BufferUsage::Device), Some(1), "not the host-visible window");
+        assert_eq!(choose_type(&list, !0, BufferUsage::Upload), Some(2), "write-combined host memory");
+        assert_eq!(choose_type(&list, !0, BufferUsage::Readback), Some(3), "cached host memory");
+        assert_eq!(
+            choose_type(&list, 0b1_0010, BufferUsage::Readback),
+            Some(4),
+            "the window when nothing else is allowed"
+        );
+        assert_eq!(choose_type(&list, 0b1, BufferUsage::Device), None, "no type fits");
     }
 
     #[test]
     fn unified_devices_use_their_one_type() {
-        let list = types(&[F::DEVICE_LOCAL | F::HOST_VISIBLE | F::HOST_COHERENT | F::HOST_CACHED]);
-        for usage in [Usage::Device, Usage::Upload, Usage::Readback] {
+        let list = types(&[MemoryFlags::DEVICE_LOCAL
+            | MemoryFlags::HOST_VISIBLE
+            | MemoryFlags::HOST_COHERENT
+            | MemoryFlags::HOST_CACHED]);
+        for usage in [BufferUsage::Device, BufferUsage::Upload, BufferUsage::Readback] {
             assert_eq!(choose_type(&list, !0, usage), Some(0), "{usage:?}");
         }
     }
 
     #[test]
     fn types_that_need_a_feature_are_left_alone() {
-        let list = types(&[F::DEVICE_LOCAL | F::DEVICE_UNCACHED_AMD, F::DEVICE_LOCAL | F::PROTECTED, F::DEVICE_LOCAL]);
-        assert_eq!(choose_type(&list, !0, Usage::Device), Some(2), "plain device memory");
+        let list = types(&[
+            MemoryFlags::DEVICE_LOCAL | MemoryFlags::DEVICE_UNCACHED_AMD,
+            MemoryFlags::DEVICE_LOCAL | MemoryFlags::PROTECTED,
+            MemoryFlags::DEVICE_LOCAL,
+        ]);
+        assert_eq!(choose_type(&list, !0, BufferUsage::Device), Some(2), "plain device memory");
     }
 
     #[test]
     fn memory_is_all_mapped_where_no_buffer_gets_another_kind() {
-        let all = F::DEVICE_LOCAL | HOST_FLAGS | F::HOST_CACHED;
+        let all = MemoryFlags::DEVICE_LOCAL | HOST_FLAGS | MemoryFlags::HOST_CACHED;
         assert!(is_all_mapped(&types(&[all])), "one kind of memory, as processors have");
-        assert!(!is_all_mapped(&types(&[all, F::DEVICE_LOCAL])), "device memory is the device's own");
-        assert!(!is_all_mapped(&types(&[F::DEVICE_LOCAL | F::HOST_VISIBLE])), "not coherent");
+        assert!(!is_all_mapped(&types(&[all, MemoryFlags::DEVICE_LOCAL])), "device memory is the device's own");
+        assert!(!is_all_mapped(&types(&[MemoryFlags::DEVICE_LOCAL | MemoryFlags::HOST_VISIBLE])), "not coherent");
         assert!(!is_all_mapped(&[]), "none");
     }
 }

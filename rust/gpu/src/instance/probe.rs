@@ -6,14 +6,14 @@ use std::ffi::CStr;
 use ash::vk;
 
 use crate::error::GpuError;
-use crate::instance::capabilities::{Capabilities, probe_features};
+use crate::instance::capabilities::{DeviceCapabilities, probe_features};
 use crate::instance::lane::{QueueChoices, choose_queues};
 use crate::instance::memory_type::is_all_mapped;
 use crate::instance::report::{DeviceKind, DeviceReport, HeapReport};
 use crate::instance::vulkan::{Instance, vulkan_error};
 
 /// A device with what is needed to open it.
-pub(crate) struct Probed {
+pub(crate) struct ProbedDevice {
     pub(crate) physical: vk::PhysicalDevice,
     pub(crate) report: DeviceReport,
     pub(crate) properties: vk::PhysicalDeviceProperties,
@@ -26,20 +26,20 @@ pub(crate) struct Probed {
 }
 
 /// Reads every device of the instance, in the driver's order.
-pub(crate) fn probe_all(instance: &Instance) -> Result<Vec<Probed>, GpuError> {
+pub(crate) fn probe_all(instance: &Instance) -> Result<Vec<ProbedDevice>, GpuError> {
     // SAFETY: no preconditions beyond a live instance.
     let physicals = unsafe { instance.raw.enumerate_physical_devices() }
         .map_err(|code| vulkan_error("vkEnumeratePhysicalDevices", code))?;
     physicals.into_iter().enumerate().map(|(index, physical)| probe(instance, index, physical)).collect()
 }
 
-fn probe(instance: &Instance, index: usize, physical: vk::PhysicalDevice) -> Result<Probed, GpuError> {
+fn probe(instance: &Instance, index: usize, physical: vk::PhysicalDevice) -> Result<ProbedDevice, GpuError> {
     // SAFETY: `physical` comes from this instance.
     let properties = unsafe { instance.raw.get_physical_device_properties(physical) };
     let modern = properties.api_version >= vk::API_VERSION_1_2;
     let mut v11 = vk::PhysicalDeviceVulkan11Properties::default();
     let mut v12 = vk::PhysicalDeviceVulkan12Properties::default();
-    let mut capabilities = Capabilities::default();
+    let mut capabilities = DeviceCapabilities::default();
     if modern {
         let mut chain = vk::PhysicalDeviceProperties2::default().push_next(&mut v11).push_next(&mut v12);
         // SAFETY: the device speaks 1.2, so it knows both chained structures.
@@ -83,7 +83,7 @@ fn probe(instance: &Instance, index: usize, physical: vk::PhysicalDevice) -> Res
         chosen: false,
         why: String::new(),
     };
-    Ok(Probed {
+    Ok(ProbedDevice {
         physical,
         report,
         properties,
@@ -126,7 +126,7 @@ fn has_extension(instance: &Instance, physical: vk::PhysicalDevice, name: &CStr)
     Ok(extensions.iter().any(|extension| extension.extension_name_as_c_str() == Ok(name)))
 }
 
-/// See [`Probed::lent_granule`]. The device has `VK_EXT_external_memory_host`.
+/// See [`ProbedDevice::lent_granule`]. The device has `VK_EXT_external_memory_host`.
 fn lent_granule(instance: &Instance, physical: vk::PhysicalDevice) -> u64 {
     let mut host = vk::PhysicalDeviceExternalMemoryHostPropertiesEXT::default();
     let mut chain = vk::PhysicalDeviceProperties2::default().push_next(&mut host);

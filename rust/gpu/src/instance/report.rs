@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! What is told of a device: for `doctor`, logs and the choice.
 
-use crate::instance::capabilities::Capabilities;
+use crate::instance::capabilities::DeviceCapabilities;
 
 /// What kind of device it is, in the order of preference.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -59,7 +59,7 @@ pub struct DeviceReport {
     /// Its memory is the host's own: it is a processor, and all that buffers get is mapped.
     pub host_memory: bool,
     /// What it can do.
-    pub capabilities: Capabilities,
+    pub capabilities: DeviceCapabilities,
     /// Names of the required capabilities it lacks; empty = usable.
     pub missing: Vec<&'static str>,
     /// It is the one to be used.

@@ -86,7 +86,7 @@ pub(crate) fn explain(reports: &mut [DeviceReport], chosen: usize, selector: Opt
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::instance::capabilities::Capabilities;
+    use crate::instance::capabilities::DeviceCapabilities;
     use crate::instance::report::{DeviceKind, HeapReport};
 
     fn device(index: usize, name: &str, kind: DeviceKind, bytes: u64, missing: &[&'static str]) -> DeviceReport {
@@ -98,7 +98,7 @@ mod tests {
             api: "1.3.0".to_owned(),
             heaps: vec![HeapReport { bytes, device_local: true, free: None }],
             host_memory: false,
-            capabilities: Capabilities::default(),
+            capabilities: DeviceCapabilities::default(),
             missing: missing.to_vec(),
             chosen: false,
             why: String::new(),

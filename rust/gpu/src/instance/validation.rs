@@ -11,10 +11,10 @@ use std::sync::{Arc, Mutex, PoisonError};
 use ash::vk;
 
 /// A message id that is not a fault of ours, and why: the layer version, the driver, and when the line may go.
-type Suppressed = (&'static str, &'static str);
+type SuppressedMessage = (&'static str, &'static str);
 
 /// None is known for layer 1.3.239 with the drivers tried so far.
-const SUPPRESSED: &[Suppressed] = &[];
+const SUPPRESSED: &[SuppressedMessage] = &[];
 
 /// Warnings and errors of the validation layer. Clones share one list. Any thread.
 #[derive(Clone, Debug, Default)]
@@ -34,7 +34,7 @@ impl ValidationLog {
     }
 
     /// Keeps or drops one message, by the rules of this module.
-    fn receive(&self, suppressed: &[Suppressed], severity: &str, (id, text): (&str, &str)) {
+    fn receive(&self, suppressed: &[SuppressedMessage], severity: &str, (id, text): (&str, &str)) {
         if let Some((_, reason)) = suppressed.iter().find(|(known, _)| *known == id) {
             tracing::trace!(id, reason, "validation message suppressed");
             return;

@@ -20,7 +20,7 @@ const VALIDATION_LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
 
 /// What to check while calls are made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Validation {
+pub(crate) enum ValidationLevel {
     Off,
     /// The Khronos layer, if installed.
     On,
@@ -31,7 +31,7 @@ pub(crate) enum Validation {
 /// The instance without validation, made on first use and kept.
 static PLAIN: Mutex<Option<Arc<Instance>>> = Mutex::new(None);
 
-/// A live instance. Dropped after the device: `Device` holds it as its last field.
+/// A live instance. Dropped after the device: `LogicalDevice` holds it as its last field.
 pub(crate) struct Instance {
     pub(crate) entry: ash::Entry,
     pub(crate) raw: ash::Instance,
@@ -44,7 +44,7 @@ pub(crate) struct Instance {
 }
 
 /// Layers and extensions to ask for, as found on this machine.
-struct Wanted {
+struct InstanceRequest {
     layers: Vec<&'static CStr>,
     extensions: Vec<&'static CStr>,
     sync_validation: bool,
@@ -55,21 +55,21 @@ impl Instance {
     ///
     /// # Errors [`GpuError::NoDevice`] when there is no loader, it is older than Vulkan 1.2, or no driver is installed.
     /// Tried anew by the next call.
-    pub(crate) fn get(validation: Validation) -> Result<Arc<Self>, GpuError> {
+    pub(crate) fn get(validation: ValidationLevel) -> Result<Arc<Self>, GpuError> {
         let mut plain = PLAIN.lock().unwrap_or_else(PoisonError::into_inner);
         let shared = match &*plain {
             Some(shared) => Arc::clone(shared),
-            None => Arc::clone(plain.insert(Arc::new(Self::new(Validation::Off)?))),
+            None => Arc::clone(plain.insert(Arc::new(Self::new(ValidationLevel::Off)?))),
         };
         match validation {
-            Validation::Off => Ok(shared),
+            ValidationLevel::Off => Ok(shared),
             // Under the lock too: instances are made one after the other.
-            Validation::On | Validation::OnWithSync => Ok(Arc::new(Self::new(validation)?)),
+            ValidationLevel::On | ValidationLevel::OnWithSync => Ok(Arc::new(Self::new(validation)?)),
         }
     }
 
     /// Loads libvulkan and makes an instance.
-    fn new(validation: Validation) -> Result<Self, GpuError> {
+    fn new(validation: ValidationLevel) -> Result<Self, GpuError> {
         // SAFETY: loads the system's Vulkan loader and runs its constructors; nothing else in this process relies on it
         // not being loaded, and `entry` keeps it loaded as long as any function pointer from it is used.
         let entry = unsafe { ash::Entry::load() }.map_err(|error| GpuError::NoDevice {
@@ -87,7 +87,7 @@ impl Instance {
                 reason: "the Vulkan loader is older than 1.2; update libvulkan1".to_owned(),
             });
         }
-        let wanted = Wanted::probe(&entry, validation)?;
+        let wanted = InstanceRequest::probe(&entry, validation)?;
         let log = ValidationLog::default();
         let raw = wanted.create(&entry, &log)?;
         let names = wanted.extensions.contains(&ash::ext::debug_utils::NAME);
@@ -110,14 +110,14 @@ impl Instance {
     }
 }
 
-impl Wanted {
-    fn probe(entry: &ash::Entry, validation: Validation) -> Result<Self, GpuError> {
+impl InstanceRequest {
+    fn probe(entry: &ash::Entry, validation: ValidationLevel) -> Result<Self, GpuError> {
         // SAFETY: no preconditions beyond a loaded entry.
         let layers = unsafe { entry.enumerate_instance_layer_properties() }
             .map_err(|code| vulkan_error("vkEnumerateInstanceLayerProperties", code))?;
         let has_layer = layers.iter().any(|layer| layer.layer_name_as_c_str() == Ok(VALIDATION_LAYER));
         let mut wanted = Self { layers: Vec::new(), extensions: Vec::new(), sync_validation: false };
-        if validation != Validation::Off {
+        if validation != ValidationLevel::Off {
             if has_layer {
                 wanted.layers.push(VALIDATION_LAYER);
             } else {
@@ -131,7 +131,7 @@ impl Wanted {
             wanted.extensions.push(ash::ext::debug_utils::NAME);
         }
         if validating
-            && validation == Validation::OnWithSync
+            && validation == ValidationLevel::OnWithSync
             && has_extension(entry, VALIDATION_LAYER, ash::ext::validation_features::NAME)?
         {
             wanted.extensions.push(ash::ext::validation_features::NAME);
@@ -196,7 +196,7 @@ impl Drop for Instance {
             // SAFETY: made from this instance, destroyed once.
             unsafe { utils.destroy_debug_utils_messenger(messenger, None) };
         }
-        // SAFETY: `Device` drops its children and itself before its `Instance` field; the log is still alive for
+        // SAFETY: `LogicalDevice` drops its children and itself before its `Instance` field; the log is still alive for
         // messages.
         unsafe { self.raw.destroy_instance(None) };
     }

@@ -8,14 +8,14 @@ use std::ptr::NonNull;
 
 use ash::vk;
 
-use crate::device::budget::Account;
+use crate::device::budget::MemoryAccount;
 use crate::device::host_pages::HostPages;
-use crate::device::lending::{self, Lending, Lent};
-use crate::device::logical::Device;
-use crate::device::mapped::Mapped;
+use crate::device::lending::{self, LentPages, PageLender};
+use crate::device::logical::LogicalDevice;
+use crate::device::mapped::MappedPointer;
 use crate::device::raw_buffer::RawBuffer;
 use crate::error::GpuError;
-use crate::instance::memory_type::{HOST_FLAGS, Usage, choose_type};
+use crate::instance::memory_type::{BufferUsage, HOST_FLAGS, choose_type};
 use crate::instance::probe::read_heaps;
 
 /// Smallest buffer, and what sizes are rounded up to: Vulkan has no empty buffers, and addresses stay aligned for
@@ -24,9 +24,9 @@ const SIZE_STEP: u64 = 16;
 
 /// A buffer that is being made: first without memory, then with it, then mapped. It is destroyed if dropped before.
 pub(crate) struct NewBuffer<'a> {
-    device: &'a Device,
+    device: &'a LogicalDevice,
     name: &'a str,
-    usage: Usage,
+    usage: BufferUsage,
     raw: RawBuffer,
     /// What the driver wants: bytes, and the type chosen for it.
     needs: (u64, u32),
@@ -40,7 +40,12 @@ impl<'a> NewBuffer<'a> {
     ///
     /// # Errors
     /// `TooLarge`, `DeviceLost`, or another failed call.
-    pub(crate) fn new(device: &'a Device, name: &'a str, bytes: u64, usage: Usage) -> Result<Self, GpuError> {
+    pub(crate) fn new(
+        device: &'a LogicalDevice,
+        name: &'a str,
+        bytes: u64,
+        usage: BufferUsage,
+    ) -> Result<Self, GpuError> {
         device.check_alive()?;
         let limit = device.limits.max_allocation_bytes;
         let size = bytes.max(1).checked_next_multiple_of(SIZE_STEP).filter(|&size| size <= limit);
@@ -60,7 +65,7 @@ impl<'a> NewBuffer<'a> {
             info = info.sharing_mode(vk::SharingMode::CONCURRENT).queue_family_indices(&families);
         }
         let mut external = vk::ExternalMemoryBufferCreateInfo::default().handle_types(lending::KIND);
-        if usage == Usage::Shared {
+        if usage == BufferUsage::Shared {
             // It will be bound to no other memory.
             info = info.push_next(&mut external);
         }
@@ -71,7 +76,7 @@ impl<'a> NewBuffer<'a> {
             buffer,
             memory: vk::DeviceMemory::null(),
             reserved: 0,
-            account: Account::Device,
+            account: MemoryAccount::Device,
             address: 0,
             bytes: size,
             mapped: None,
@@ -100,8 +105,8 @@ impl<'a> NewBuffer<'a> {
         })?;
         self.needs = (needs.size, kind);
         let local = self.memory_flags().contains(vk::MemoryPropertyFlags::DEVICE_LOCAL);
-        let counted = self.usage == Usage::Device || (local && !self.device.unified);
-        self.raw.account = if counted { Account::Device } else { Account::Host };
+        let counted = self.usage == BufferUsage::Device || (local && !self.device.unified);
+        self.raw.account = if counted { MemoryAccount::Device } else { MemoryAccount::Host };
         Ok(())
     }
 
@@ -117,7 +122,7 @@ impl<'a> NewBuffer<'a> {
         let Self { device, name, raw, needs: (bytes, memory_type), .. } = self;
         let (bytes, memory_type) = (*bytes, *memory_type);
         let heap = device.memory_types.memory_types_as_slice()[memory_type as usize].heap_index as usize;
-        if raw.account == Account::Device && device.report.capabilities.memory_budget {
+        if raw.account == MemoryAccount::Device && device.report.capabilities.memory_budget {
             let free = read_heaps(&device.instance, device.physical, true).get(heap).and_then(|heap| heap.free);
             if free.is_some_and(|free| free < bytes) {
                 return Err(device.budget.refused(name, bytes));
@@ -146,17 +151,17 @@ impl<'a> NewBuffer<'a> {
     ///
     /// # Errors
     /// `DeviceLost`.
-    pub(crate) fn lend(&mut self, lending: &Lending) -> Result<bool, GpuError> {
+    pub(crate) fn lend(&mut self, lending: &PageLender) -> Result<bool, GpuError> {
         let Self { device, name, raw, needs: (bytes, _), types, .. } = self;
-        let Some(Lent { pages, bytes, types: of_pages }) = lending.pages(*bytes) else { return Ok(false) };
+        let Some(LentPages { pages, bytes, types: of_pages }) = lending.pages(*bytes) else { return Ok(false) };
         // They go with the buffer, whatever becomes of it.
         raw.pages = Some(pages);
         let known = device.memory_types.memory_types_as_slice();
-        let Some(memory_type) = choose_type(known, *types & of_pages, Usage::Shared) else { return Ok(false) };
+        let Some(memory_type) = choose_type(known, *types & of_pages, BufferUsage::Shared) else { return Ok(false) };
         if bytes > device.limits.max_allocation_bytes {
             return Ok(false);
         }
-        raw.account = Account::Host;
+        raw.account = MemoryAccount::Host;
         device.budget.reserve(name, bytes, raw.account)?;
         match allocate(device, (bytes, memory_type), Some(pages)) {
             Ok(memory) => {
@@ -175,7 +180,7 @@ impl<'a> NewBuffer<'a> {
         }
     }
 
-    /// Binds the memory that was taken, and maps it unless the usage is `Device`.
+    /// Binds the memory that was taken, and maps it unless the usage is `LogicalDevice`.
     ///
     /// # Errors
     /// A failed call; the buffer is destroyed then.
@@ -192,12 +197,12 @@ impl<'a> NewBuffer<'a> {
         if let Some(pages) = self.raw.pages {
             self.raw.mapped = Some(pages.at);
             self.raw.seen = is_seen.then_some(pages.at);
-        } else if self.usage != Usage::Device || is_seen {
+        } else if self.usage != BufferUsage::Device || is_seen {
             let whole = (0, vk::WHOLE_SIZE, vk::MemoryMapFlags::empty());
             // SAFETY: the type is HOST_VISIBLE, and this is the only mapping of this memory.
             let mapped = unsafe { device.raw.map_memory(self.raw.memory, whole.0, whole.1, whole.2) };
-            let mapped = NonNull::new(device.check("vkMapMemory", mapped)?.cast()).map(Mapped);
-            self.raw.mapped = mapped.filter(|_| self.usage != Usage::Device);
+            let mapped = NonNull::new(device.check("vkMapMemory", mapped)?.cast()).map(MappedPointer);
+            self.raw.mapped = mapped.filter(|_| self.usage != BufferUsage::Device);
             self.raw.seen = mapped.filter(|_| is_seen);
         }
         device.host_memory.add(&self.raw);
@@ -209,7 +214,7 @@ impl<'a> NewBuffer<'a> {
 /// Has the driver make memory of so many bytes, not none and within `maxMemoryAllocationSize`, and of this type of the
 /// device's list; of pages that the type allows, if there are any.
 fn allocate(
-    device: &Device,
+    device: &LogicalDevice,
     (bytes, memory_type): (u64, u32),
     pages: Option<HostPages>,
 ) -> Result<vk::DeviceMemory, vk::Result> {

@@ -10,10 +10,10 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use offset_allocator::{Allocation, Allocator};
 
 use crate::device::heap_counters::HeapCounters;
-use crate::device::logical::Device;
+use crate::device::logical::LogicalDevice;
 use crate::device::retire::RetireQueue;
-use crate::instance::lane::Points;
-use crate::memory::block::Block;
+use crate::instance::lane::TimelinePoints;
+use crate::memory::block::MemoryBlock;
 
 /// Unit of the range allocator in bytes. Its 32-bit units then reach 1 TiB, far above any `maxMemoryAllocationSize`.
 pub(crate) const GRANULE: u64 = 256;
@@ -22,18 +22,18 @@ const MAX_RANGES: u32 = 128 << 10;
 
 /// One big buffer and the allocator of its ranges.
 #[derive(Debug)]
-pub(crate) struct Arena {
-    pub(crate) block: Arc<Block>,
+pub(crate) struct MemoryArena {
+    pub(crate) block: Arc<MemoryBlock>,
     /// Bytes at the start left unused so that every unit's address is a multiple of [`GRANULE`].
     skew: u64,
     pub(crate) bytes: u64,
-    space: Mutex<Space>,
+    space: Mutex<ArenaSpace>,
     /// Those of its heap, as long as that lives.
-    siblings: Weak<Arenas>,
+    siblings: Weak<HeapArenas>,
     pub(crate) counters: Arc<HeapCounters>,
 }
 
-struct Space {
+struct ArenaSpace {
     allocator: Allocator<u32>,
     used_bytes: u64,
     ranges: u32,
@@ -41,19 +41,19 @@ struct Space {
 
 /// A place in an arena.
 #[derive(Clone)]
-pub(crate) struct Place {
-    pub(crate) arena: Arc<Arena>,
+pub(crate) struct ArenaPlace {
+    pub(crate) arena: Arc<MemoryArena>,
     allocation: Allocation<u32>,
     bytes: u64,
 }
 
 /// The arenas of one heap.
 #[derive(Debug)]
-pub(crate) struct Arenas {
-    device: Arc<Device>,
-    list: Mutex<Vec<Arc<Arena>>>,
+pub(crate) struct HeapArenas {
+    device: Arc<LogicalDevice>,
+    list: Mutex<Vec<Arc<MemoryArena>>>,
     /// Ranges that nobody holds any more; freed when the GPU is done with them.
-    retired: RetireQueue<Place>,
+    retired: RetireQueue<ArenaPlace>,
     pub(crate) counters: Arc<HeapCounters>,
     /// Empty arenas stay.
     keeps: bool,
@@ -79,28 +79,28 @@ pub(crate) fn size_class_below(bytes: u64) -> u64 {
     (units >> cut << cut) * GRANULE
 }
 
-impl Arena {
-    fn new(block: Block, bytes: u64, heap: &Arc<Arenas>) -> Arc<Self> {
+impl MemoryArena {
+    fn new(block: MemoryBlock, bytes: u64, heap: &Arc<HeapArenas>) -> Arc<Self> {
         let skew = block.raw.address.next_multiple_of(GRANULE) - block.raw.address;
         let units = u32::try_from((bytes - skew) / GRANULE).unwrap_or(u32::MAX);
         let allocator = Allocator::with_max_allocs(units, units.clamp(16, MAX_RANGES));
-        let space = Mutex::new(Space { allocator, used_bytes: 0, ranges: 0 });
+        let space = Mutex::new(ArenaSpace { allocator, used_bytes: 0, ranges: 0 });
         let (siblings, counters) = (Arc::downgrade(heap), Arc::clone(&heap.counters));
         Arc::new(Self { block: Arc::new(block), skew, bytes, space, siblings, counters })
     }
 
-    fn lock(&self) -> MutexGuard<'_, Space> {
+    fn lock(&self) -> MutexGuard<'_, ArenaSpace> {
         self.space.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// A place of `bytes`, a multiple of [`GRANULE`]; None when there is no hole of that size.
-    pub(crate) fn take(self: &Arc<Self>, bytes: u64) -> Option<Place> {
+    pub(crate) fn take(self: &Arc<Self>, bytes: u64) -> Option<ArenaPlace> {
         let units = u32::try_from(bytes / GRANULE).ok()?;
         let mut space = self.lock();
         let allocation = space.allocator.allocate(units)?;
         space.used_bytes += bytes;
         space.ranges += 1;
-        Some(Place { arena: Arc::clone(self), allocation, bytes })
+        Some(ArenaPlace { arena: Arc::clone(self), allocation, bytes })
     }
 
     /// Whether any range, retired ones included, is in it.
@@ -120,48 +120,48 @@ impl Arena {
     }
 }
 
-impl Arenas {
+impl HeapArenas {
     /// None yet.
-    pub(crate) fn new(device: &Arc<Device>, counters: Arc<HeapCounters>, keeps: bool) -> Arc<Self> {
+    pub(crate) fn new(device: &Arc<LogicalDevice>, counters: Arc<HeapCounters>, keeps: bool) -> Arc<Self> {
         let (device, list) = (Arc::clone(device), Mutex::new(Vec::new()));
         Arc::new(Self { device, list, retired: RetireQueue::new(), counters, keeps })
     }
 
-    pub(crate) fn lock(&self) -> MutexGuard<'_, Vec<Arc<Arena>>> {
+    pub(crate) fn lock(&self) -> MutexGuard<'_, Vec<Arc<MemoryArena>>> {
         self.list.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// A place in one of the arenas there are.
-    pub(crate) fn take(&self, bytes: u64) -> Option<Place> {
+    pub(crate) fn take(&self, bytes: u64) -> Option<ArenaPlace> {
         self.lock().iter().find_map(|arena| arena.take(bytes))
     }
 
     /// Adds an arena of `bytes`, to be asked after the others, and gives a place in it before anybody else can.
-    pub(crate) fn grow(self: &Arc<Self>, block: Block, bytes: u64, place: u64) -> Option<Place> {
-        let arena = Arena::new(block, bytes, self);
+    pub(crate) fn grow(self: &Arc<Self>, block: MemoryBlock, bytes: u64, place: u64) -> Option<ArenaPlace> {
+        let arena = MemoryArena::new(block, bytes, self);
         let place = arena.take(place);
         self.lock().push(arena);
         place
     }
 
     /// Adds an arena of `bytes`, to be asked before the others.
-    pub(crate) fn add_first(self: &Arc<Self>, block: Block, bytes: u64) {
-        let arena = Arena::new(block, bytes, self);
+    pub(crate) fn add_first(self: &Arc<Self>, block: MemoryBlock, bytes: u64) {
+        let arena = MemoryArena::new(block, bytes, self);
         self.lock().insert(0, arena);
     }
 
     /// Frees a place after these submissions: at once if they have passed.
-    fn retire(&self, points: Points, place: Place) {
+    fn retire(&self, points: TimelinePoints, place: ArenaPlace) {
         self.retired.push(points, place);
         self.release(self.device.completed());
     }
 
     /// Frees what is retired and waits for nothing after `completed`: nothing while the host looks at memory.
-    pub(crate) fn release(&self, completed: Points) {
+    pub(crate) fn release(&self, completed: TimelinePoints) {
         if self.retired.is_empty() || self.device.host_memory.has_views() {
             return;
         }
-        let emptied: Vec<_> = self.retired.take_ready(completed).into_iter().filter_map(Place::free).collect();
+        let emptied: Vec<_> = self.retired.take_ready(completed).into_iter().filter_map(ArenaPlace::free).collect();
         if !emptied.is_empty() {
             drop(emptied);
             if !self.keeps {
@@ -171,7 +171,7 @@ impl Arenas {
     }
 
     /// The points after which all that is retired now can go; None when nothing is.
-    pub(crate) fn last_retired(&self) -> Option<Points> {
+    pub(crate) fn last_retired(&self) -> Option<TimelinePoints> {
         self.retired.last_points()
     }
 
@@ -191,12 +191,12 @@ impl Arenas {
         drop(arenas);
         for arena in &empty {
             // Every range in it has already waited for the GPU.
-            arena.block.retire_after.set(Points::START);
+            arena.block.retire_after.set(TimelinePoints::START);
         }
     }
 }
 
-impl Place {
+impl ArenaPlace {
     /// Its size in the arena.
     pub(crate) fn bytes(&self) -> u64 {
         self.bytes
@@ -208,7 +208,7 @@ impl Place {
     }
 
     /// Gives the place back after these submissions. Each is retired once, by the drop of what is in it.
-    pub(crate) fn retire(self, points: Points) {
+    pub(crate) fn retire(self, points: TimelinePoints) {
         match self.arena.siblings.upgrade() {
             Some(arenas) => arenas.retire(points, self),
             // Nothing is taken from it any more; its memory waits for the GPU by itself.
@@ -217,7 +217,7 @@ impl Place {
     }
 
     /// Gives the place back, which the GPU no longer uses; the arena if it is empty now.
-    fn free(self) -> Option<Arc<Arena>> {
+    fn free(self) -> Option<Arc<MemoryArena>> {
         let Self { arena, allocation, bytes } = self;
         let mut space = arena.lock();
         space.allocator.free(allocation);
@@ -230,7 +230,7 @@ impl Place {
     }
 }
 
-impl std::fmt::Debug for Place {
+impl std::fmt::Debug for ArenaPlace {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Place")
             .field("unit", &self.allocation.offset)
@@ -239,7 +239,7 @@ impl std::fmt::Debug for Place {
     }
 }
 
-impl std::fmt::Debug for Space {
+impl std::fmt::Debug for ArenaSpace {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Space")
             .field("used_bytes", &self.used_bytes)

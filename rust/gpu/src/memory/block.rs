@@ -6,9 +6,9 @@ use std::sync::{Arc, OnceLock};
 use ash::vk;
 
 use crate::device::heap_counters::HeldBytes;
-use crate::device::logical::Device;
+use crate::device::logical::LogicalDevice;
 use crate::device::raw_buffer::{RawBuffer, RetiredBuffer};
-use crate::instance::lane::Points;
+use crate::instance::lane::TimelinePoints;
 
 /// When something may be destroyed: after the newest submissions, of both lanes, at the time its public handle was
 /// dropped.
@@ -16,37 +16,37 @@ use crate::instance::lane::Points;
 /// Work recorded before that keeps the object itself, so the object outlives such work anyway; this bounds work that
 /// only knows the address.
 #[derive(Debug, Default)]
-pub(crate) struct RetirePoint(OnceLock<Points>);
+pub(crate) struct RetirePoint(OnceLock<TimelinePoints>);
 
 impl RetirePoint {
     /// Fixes the points, unless they are fixed already.
-    pub(crate) fn set(&self, points: Points) {
+    pub(crate) fn set(&self, points: TimelinePoints) {
         self.0.get_or_init(|| points);
     }
 
     /// The fixed points, or the newest submissions if none were fixed.
-    pub(crate) fn get(&self, device: &Device) -> Points {
+    pub(crate) fn get(&self, device: &LogicalDevice) -> TimelinePoints {
         self.0.get().copied().unwrap_or_else(|| device.submitted())
     }
 }
 
 /// A buffer with its memory, retired when the last holder drops it.
 #[derive(Debug)]
-pub(crate) struct Block {
-    pub(crate) device: Arc<Device>,
+pub(crate) struct MemoryBlock {
+    pub(crate) device: Arc<LogicalDevice>,
     pub(crate) raw: RawBuffer,
     pub(crate) retire_after: RetirePoint,
     /// Its memory's place in the count of a heap.
     held: Option<HeldBytes>,
 }
 
-impl Block {
-    pub(crate) fn new(device: &Arc<Device>, raw: RawBuffer) -> Self {
+impl MemoryBlock {
+    pub(crate) fn new(device: &Arc<LogicalDevice>, raw: RawBuffer) -> Self {
         Self { device: Arc::clone(device), raw, retire_after: RetirePoint::default(), held: None }
     }
 
     /// A block of a heap.
-    pub(crate) fn of_heap(device: &Arc<Device>, raw: RawBuffer, held: HeldBytes) -> Self {
+    pub(crate) fn of_heap(device: &Arc<LogicalDevice>, raw: RawBuffer, held: HeldBytes) -> Self {
         let mut block = Self::new(device, raw);
         block.held = Some(held);
         block
@@ -69,7 +69,7 @@ impl Block {
     }
 }
 
-impl Drop for Block {
+impl Drop for MemoryBlock {
     fn drop(&mut self) {
         let retired = RetiredBuffer { raw: self.raw, held: self.held.take() };
         self.device.retire(self.retire_after.get(&self.device), retired);

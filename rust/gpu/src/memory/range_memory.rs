@@ -6,17 +6,17 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::device::heap_counters::HeapCounters;
 use crate::error::GpuError;
-use crate::memory::arena::Place;
-use crate::memory::block::{Block, RetirePoint};
+use crate::memory::arena::ArenaPlace;
+use crate::memory::block::{MemoryBlock, RetirePoint};
 
 /// The memory of a range, retired when the last holder drops it.
 #[derive(Debug)]
 pub(crate) struct RangeMemory {
-    pub(crate) block: Arc<Block>,
+    pub(crate) block: Arc<MemoryBlock>,
     pub(crate) offset: u64,
     pub(crate) size: u64,
     pub(crate) name: String,
-    owner: Owner,
+    owner: RangeOwner,
     retire_after: RetirePoint,
     /// Where the range is counted, and as how many bytes.
     counters: Arc<HeapCounters>,
@@ -26,15 +26,15 @@ pub(crate) struct RangeMemory {
 }
 
 #[derive(Debug)]
-enum Owner {
-    Arena(Place),
+enum RangeOwner {
+    Arena(ArenaPlace),
     /// The block is the range's own.
     Dedicated,
 }
 
 impl RangeMemory {
     /// A range in a place of an arena.
-    pub(crate) fn in_arena(place: Place, name: &str, size: u64, align: u64) -> Arc<Self> {
+    pub(crate) fn in_arena(place: ArenaPlace, name: &str, size: u64, align: u64) -> Arc<Self> {
         let arena = Arc::clone(&place.arena);
         let base = arena.block.raw.address;
         let offset = (base + place.start()).next_multiple_of(align) - base;
@@ -44,7 +44,7 @@ impl RangeMemory {
             offset,
             size,
             name: name.to_owned(),
-            owner: Owner::Arena(place),
+            owner: RangeOwner::Arena(place),
             retire_after: RetirePoint::default(),
             counters,
             counted,
@@ -55,7 +55,7 @@ impl RangeMemory {
 
     /// A range with a block of its own, whose `counted` bytes have room to move up to `align`.
     pub(crate) fn in_block(
-        block: Block,
+        block: MemoryBlock,
         (name, size, align): (&str, u64, u64),
         (counters, counted): (&Arc<HeapCounters>, u64),
     ) -> Arc<Self> {
@@ -65,7 +65,7 @@ impl RangeMemory {
             offset,
             size,
             name: name.to_owned(),
-            owner: Owner::Dedicated,
+            owner: RangeOwner::Dedicated,
             retire_after: RetirePoint::default(),
             counters: Arc::clone(counters),
             counted,
@@ -102,8 +102,8 @@ impl RangeMemory {
         self.counters.retire(self.counted);
         let points = self.block.device.submitted();
         match self.owner {
-            Owner::Arena(_) => self.retire_after.set(points),
-            Owner::Dedicated => self.block.retire_after.set(points),
+            RangeOwner::Arena(_) => self.retire_after.set(points),
+            RangeOwner::Dedicated => self.block.retire_after.set(points),
         }
     }
 }
@@ -111,7 +111,7 @@ impl RangeMemory {
 impl Drop for RangeMemory {
     fn drop(&mut self) {
         // A block of its own retires by itself.
-        if let Owner::Arena(place) = &self.owner {
+        if let RangeOwner::Arena(place) = &self.owner {
             place.clone().retire(self.retire_after.get(&self.block.device));
         }
     }

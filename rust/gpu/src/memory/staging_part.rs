@@ -7,25 +7,25 @@ use std::collections::VecDeque;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use crate::device::mapped::Mapped;
-use crate::instance::lane::Lane;
-use crate::memory::block::Block;
+use crate::device::mapped::MappedPointer;
+use crate::instance::lane::QueueLane;
+use crate::memory::block::MemoryBlock;
 use crate::memory::staging_space::RingSpace;
 
 /// The bytes of a ring, and who has which.
 #[derive(Debug)]
 pub(crate) struct RingMemory {
-    pub(crate) block: Arc<Block>,
+    pub(crate) block: Arc<MemoryBlock>,
     /// The buffer's first byte.
-    pub(crate) mapped: Mapped,
+    pub(crate) mapped: MappedPointer,
     /// Bytes of the ring.
     pub(crate) size: u64,
-    state: Mutex<State>,
+    state: Mutex<RingState>,
     changed: Condvar,
 }
 
 #[derive(Debug)]
-pub(crate) struct State {
+pub(crate) struct RingState {
     space: RingSpace,
     /// Threads that wait, in the order they asked.
     turns: VecDeque<u64>,
@@ -34,22 +34,22 @@ pub(crate) struct State {
 
 impl RingMemory {
     /// All of a mapped block is free.
-    pub(crate) fn new(block: Block, mapped: Mapped, size: u64) -> Self {
-        let state = State { space: RingSpace::new(size), turns: VecDeque::new(), next_turn: 0 };
+    pub(crate) fn new(block: MemoryBlock, mapped: MappedPointer, size: u64) -> Self {
+        let state = RingState { space: RingSpace::new(size), turns: VecDeque::new(), next_turn: 0 };
         Self { block: Arc::new(block), mapped, size, state: Mutex::new(state), changed: Condvar::new() }
     }
 
-    pub(crate) fn lock(&self) -> MutexGuard<'_, State> {
+    pub(crate) fn lock(&self) -> MutexGuard<'_, RingState> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Takes space if it is free and nobody asked before: the number and the start of the part, or the lock again.
     pub(crate) fn take<'a>(
         &self,
-        mut state: MutexGuard<'a, State>,
+        mut state: MutexGuard<'a, RingState>,
         turn: Option<u64>,
         (bytes, align): (u64, u64),
-    ) -> Result<(u64, u64), MutexGuard<'a, State>> {
+    ) -> Result<(u64, u64), MutexGuard<'a, RingState>> {
         if state.turns.front().copied() != turn {
             return Err(state);
         }
@@ -57,30 +57,30 @@ impl RingMemory {
     }
 
     /// Waits for something to happen that may free space, not longer than this.
-    pub(crate) fn wait_for_change(&self, state: MutexGuard<'_, State>, most: Duration) {
+    pub(crate) fn wait_for_change(&self, state: MutexGuard<'_, RingState>, most: Duration) {
         drop(self.changed.wait_timeout(state, most).unwrap_or_else(PoisonError::into_inner));
     }
 }
 
-impl State {
+impl RingState {
     /// Bytes that are not free, gaps included.
     pub(crate) fn used(&self) -> u64 {
         self.space.used()
     }
 
     /// The lane that holds the oldest part, if it is for `turn` to wait for it: for the first in the queue.
-    pub(crate) fn oldest_user(&self, turn: u64) -> Option<Lane> {
+    pub(crate) fn oldest_user(&self, turn: u64) -> Option<QueueLane> {
         self.space.oldest_user().filter(|_| self.turns.front() == Some(&turn))
     }
 }
 
 /// A place in the queue of those who wait.
-pub(crate) struct Turn<'a> {
+pub(crate) struct RingTurn<'a> {
     ring: &'a RingMemory,
     pub(crate) number: u64,
 }
 
-impl<'a> Turn<'a> {
+impl<'a> RingTurn<'a> {
     pub(crate) fn take(ring: &'a RingMemory) -> Self {
         let mut state = ring.lock();
         let number = state.next_turn;
@@ -90,7 +90,7 @@ impl<'a> Turn<'a> {
     }
 }
 
-impl Drop for Turn<'_> {
+impl Drop for RingTurn<'_> {
     fn drop(&mut self) {
         self.ring.lock().turns.retain(|&turn| turn != self.number);
         self.ring.changed.notify_all();
@@ -112,7 +112,7 @@ impl StagingPart {
     }
 
     /// A list of `lane` keeps it.
-    pub(crate) fn used_on(&self, lane: Lane) {
+    pub(crate) fn used_on(&self, lane: QueueLane) {
         self.ring.lock().space.used_by(self.number, lane);
     }
 }

@@ -6,17 +6,17 @@
 
 use std::collections::VecDeque;
 
-use crate::instance::lane::Lane;
+use crate::instance::lane::QueueLane;
 
 /// One part of the ring.
 #[derive(Debug)]
-struct Part {
+struct RingPart {
     start: u64,
     end: u64,
     /// Given back, and waiting for older ones.
     returned: bool,
     /// The lane that used it last: whom to wait for.
-    user: Option<Lane>,
+    user: Option<QueueLane>,
 }
 
 /// A ring of bytes.
@@ -24,7 +24,7 @@ struct Part {
 pub(crate) struct RingSpace {
     bytes: u64,
     /// Oldest first. `end` of the newest is where the next one may begin.
-    parts: VecDeque<Part>,
+    parts: VecDeque<RingPart>,
     /// Number of the oldest part; later ones count up from it.
     oldest: u64,
 }
@@ -38,7 +38,7 @@ impl RingSpace {
     /// are used again once the part is back.
     pub(crate) fn take(&mut self, bytes: u64, align: u64) -> Option<(u64, u64)> {
         let start = self.place(bytes, align)?;
-        self.parts.push_back(Part { start, end: start + bytes, returned: false, user: None });
+        self.parts.push_back(RingPart { start, end: start + bytes, returned: false, user: None });
         Some((self.oldest + self.parts.len() as u64 - 1, start))
     }
 
@@ -76,20 +76,20 @@ impl RingSpace {
         self.parts.len() < before
     }
 
-    fn part(&mut self, number: u64) -> Option<&mut Part> {
+    fn part(&mut self, number: u64) -> Option<&mut RingPart> {
         let index = number.checked_sub(self.oldest).and_then(|i| usize::try_from(i).ok())?;
         self.parts.get_mut(index)
     }
 
     /// A list of `lane` uses a part.
-    pub(crate) fn used_by(&mut self, number: u64, lane: Lane) {
+    pub(crate) fn used_by(&mut self, number: u64, lane: QueueLane) {
         if let Some(part) = self.part(number) {
             part.user = Some(lane);
         }
     }
 
     /// The user of the part that must come back before anything becomes free, if it has one.
-    pub(crate) fn oldest_user(&self) -> Option<Lane> {
+    pub(crate) fn oldest_user(&self) -> Option<QueueLane> {
         self.parts.front()?.user
     }
 
@@ -119,10 +119,10 @@ mod tests {
         assert!(ring.give_back(2), "the newest: that and the one before it are free");
         assert_eq!(ring.used(), 40, "only the oldest is left");
         assert_eq!(ring.take(60, 1), Some((1, 40)), "up to the end");
-        ring.used_by(1, Lane::Transfer);
+        ring.used_by(1, QueueLane::Transfer);
         assert_eq!(ring.oldest_user(), None, "that is the newest");
         assert!(ring.give_back(0), "the oldest");
-        assert_eq!((ring.oldest_user(), ring.used()), (Some(Lane::Transfer), 60), "now it is the oldest");
+        assert_eq!((ring.oldest_user(), ring.used()), (Some(QueueLane::Transfer), 60), "now it is the oldest");
         assert_eq!((ring.take(40, 1), ring.take(1, 1)), (Some((2, 0)), None), "wrapped, exactly full");
         assert_eq!((ring.give_back(1), ring.used()), (true, 40), "the end");
         assert_eq!((ring.give_back(2), ring.used()), (true, 0), "empty");

@@ -6,19 +6,19 @@
 
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 
-use crate::device::logical::Device;
+use crate::device::logical::LogicalDevice;
 use crate::device::raw_buffer::RawBuffer;
 use crate::error::GpuError;
-use crate::instance::lane::{LANES, Lane, Points};
-use crate::instance::memory_type::Usage;
+use crate::instance::lane::{LANES, QueueLane, TimelinePoints};
+use crate::instance::memory_type::BufferUsage;
 use crate::memory::allocate::NewBuffer;
-use crate::memory::arena::Arenas;
-use crate::memory::block::Block;
+use crate::memory::arena::HeapArenas;
+use crate::memory::block::MemoryBlock;
 use crate::submit::queue::{InFlight, Queue};
 
 /// Whether a full budget may be waited out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Patience {
+pub(crate) enum BudgetWait {
     /// Take back what is free already, but do not wait for the GPU.
     Now,
     /// Wait for the GPU to release retired memory before giving up.
@@ -29,27 +29,27 @@ pub(crate) enum Patience {
 #[derive(Debug)]
 pub(crate) struct OpenDevice {
     queues: [Queue; LANES],
-    heaps: Mutex<Vec<Weak<Arenas>>>,
+    heaps: Mutex<Vec<Weak<HeapArenas>>>,
     /// Last: the queues are made from it.
-    pub(crate) device: Arc<Device>,
+    pub(crate) device: Arc<LogicalDevice>,
 }
 
 impl OpenDevice {
-    pub(crate) fn new(device: Arc<Device>) -> Self {
+    pub(crate) fn new(device: Arc<LogicalDevice>) -> Self {
         Self { queues: Queue::of_lanes(&device), heaps: Mutex::new(Vec::new()), device }
     }
 
-    pub(crate) fn queue(&self, lane: Lane) -> &Queue {
+    pub(crate) fn queue(&self, lane: QueueLane) -> &Queue {
         &self.queues[lane.index()]
     }
 
     /// Notes a heap, whose empty arenas are given back when memory is short.
-    pub(crate) fn add_heap(&self, arenas: &Arc<Arenas>) {
+    pub(crate) fn add_heap(&self, arenas: &Arc<HeapArenas>) {
         self.heaps.lock().unwrap_or_else(PoisonError::into_inner).push(Arc::downgrade(arenas));
     }
 
     /// Heaps that are still there.
-    fn heaps(&self) -> Vec<Arc<Arenas>> {
+    fn heaps(&self) -> Vec<Arc<HeapArenas>> {
         let mut heaps = self.heaps.lock().unwrap_or_else(PoisonError::into_inner);
         heaps.retain(|heap| heap.strong_count() > 0);
         heaps.iter().filter_map(Weak::upgrade).collect()
@@ -58,7 +58,7 @@ impl OpenDevice {
     /// Lets go of everything that finished submissions used.
     pub(crate) fn collect(&self) {
         let completed = self.device.completed();
-        for lane in Lane::ALL {
+        for lane in QueueLane::ALL {
             let queue = self.queue(lane);
             for InFlight { slot, kept, timer, .. } in queue.take_finished(&self.device, completed.of(lane)) {
                 queue.recycle(&self.device, slot);
@@ -73,10 +73,10 @@ impl OpenDevice {
     }
 
     /// Makes room: collects, empties heaps of unused arenas and, if allowed, waits for what is retired.
-    pub(crate) fn reclaim(&self, patience: Patience) -> Result<(), GpuError> {
+    pub(crate) fn reclaim(&self, patience: BudgetWait) -> Result<(), GpuError> {
         self.collect();
         self.trim_heaps();
-        if patience == Patience::WaitForRetired
+        if patience == BudgetWait::WaitForRetired
             && let Some(points) = self.last_retired()
         {
             self.device.wait_for(points)?;
@@ -93,13 +93,13 @@ impl OpenDevice {
     }
 
     /// The points after which all that is retired now can go; None when nothing is.
-    fn last_retired(&self) -> Option<Points> {
+    fn last_retired(&self) -> Option<TimelinePoints> {
         let of_heaps = self.heaps().into_iter().filter_map(|heap| heap.last_retired());
-        self.device.last_retired().into_iter().chain(of_heaps).reduce(Points::later)
+        self.device.last_retired().into_iter().chain(of_heaps).reduce(TimelinePoints::later)
     }
 
-    /// Makes a buffer of at least `bytes` with its own memory, mapped unless `usage` is `Device`. On a shortage takes
-    /// back what is retired, and tries once more.
+    /// Makes a buffer of at least `bytes` with its own memory, mapped unless `usage` is `LogicalDevice`. On a shortage
+    /// takes back what is retired, and tries once more.
     ///
     /// # Errors
     /// `TooLarge`, `OutOfMemory` (nothing is held then), `DeviceLost`, or another failed call.
@@ -107,14 +107,14 @@ impl OpenDevice {
         &self,
         name: &str,
         bytes: u64,
-        usage: Usage,
-        patience: Patience,
+        usage: BufferUsage,
+        patience: BudgetWait,
     ) -> Result<RawBuffer, GpuError> {
         let usage = match usage {
             // What the driver is not lent it makes.
-            Usage::Shared => match self.lent(name, bytes)? {
+            BufferUsage::Shared => match self.lent(name, bytes)? {
                 Some(lent) => return Ok(lent),
-                None => Usage::Readback,
+                None => BufferUsage::Readback,
             },
             usage => usage,
         };
@@ -132,15 +132,15 @@ impl OpenDevice {
     /// A buffer of pages of this process; None where the driver takes none.
     fn lent(&self, name: &str, bytes: u64) -> Result<Option<RawBuffer>, GpuError> {
         let Some(lending) = &self.device.lending else { return Ok(None) };
-        let mut new = NewBuffer::new(&self.device, name, bytes, Usage::Shared)?;
+        let mut new = NewBuffer::new(&self.device, name, bytes, BufferUsage::Shared)?;
         if new.lend(lending)? { new.finish().map(Some) } else { Ok(None) }
     }
 
     /// The memory of a buffer; waits for retired memory before it gives up.
-    pub(crate) fn block(&self, name: &str, bytes: u64, usage: Usage) -> Result<Block, GpuError> {
+    pub(crate) fn block(&self, name: &str, bytes: u64, usage: BufferUsage) -> Result<MemoryBlock, GpuError> {
         #[cfg(feature = "faults")]
-        self.device.planted(crate::device::watch::Call::Buffer, name, bytes)?;
-        Ok(Block::new(&self.device, self.allocate(name, bytes, usage, Patience::WaitForRetired)?))
+        self.device.planted(crate::device::watch::DriverCall::Buffer, name, bytes)?;
+        Ok(MemoryBlock::new(&self.device, self.allocate(name, bytes, usage, BudgetWait::WaitForRetired)?))
     }
 }
 
@@ -167,7 +167,7 @@ mod tests {
         let takes = gpu.report().capabilities.external_memory_host;
         for bytes in [1, 100_000, 40 << 20] {
             let before = gpu.memory().host_used;
-            let raw = gpu.opened().allocate("lent", bytes, Usage::Shared, Patience::Now).expect("memory");
+            let raw = gpu.opened().allocate("lent", bytes, BufferUsage::Shared, BudgetWait::Now).expect("memory");
             assert!(raw.mapped.is_some() && raw.bytes >= bytes, "{raw:?}");
             assert_eq!(raw.pages.is_some(), takes, "{raw:?}");
             assert!(gpu.memory().host_used >= before + bytes, "counted");

@@ -11,12 +11,12 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use ash::vk;
 
-use crate::device::logical::Device;
-use crate::device::markers::Mark;
+use crate::device::logical::LogicalDevice;
+use crate::device::markers::OperationMark;
 use crate::error::GpuError;
-use crate::instance::lane::{LANES, Lane, Points};
-use crate::submit::kept::Kept;
-use crate::submit::timer::Timer;
+use crate::instance::lane::{LANES, QueueLane, TimelinePoints};
+use crate::submit::kept::HeldResource;
+use crate::submit::timer::QueryTimer;
 
 /// One command pool with its one buffer.
 #[derive(Debug)]
@@ -26,7 +26,7 @@ pub(crate) struct CommandSlot {
 }
 
 impl CommandSlot {
-    fn new(device: &Device, lane: Lane) -> Result<Self, GpuError> {
+    fn new(device: &LogicalDevice, lane: QueueLane) -> Result<Self, GpuError> {
         let info = vk::CommandPoolCreateInfo::default()
             .flags(vk::CommandPoolCreateFlags::TRANSIENT)
             .queue_family_index(device.choice(lane).family);
@@ -63,16 +63,16 @@ pub(crate) struct InFlight {
     /// Number of the submission, given when it is made.
     pub(crate) value: u64,
     pub(crate) slot: CommandSlot,
-    pub(crate) kept: Vec<Kept>,
-    pub(crate) timer: Option<Arc<Timer>>,
+    pub(crate) kept: Vec<HeldResource>,
+    pub(crate) timer: Option<Arc<QueryTimer>>,
     /// What other lanes must have finished before it runs.
-    pub(crate) waits: Points,
+    pub(crate) waits: TimelinePoints,
 }
 
 /// The queue of a lane.
 #[derive(Debug)]
 pub(crate) struct Queue {
-    lane: Lane,
+    lane: QueueLane,
     raw: Arc<Mutex<vk::Queue>>,
     /// Oldest first.
     in_flight: Mutex<VecDeque<InFlight>>,
@@ -81,20 +81,20 @@ pub(crate) struct Queue {
 
 impl Queue {
     /// The queues of the lanes, which may share one of Vulkan's.
-    pub(crate) fn of_lanes(device: &Device) -> [Self; LANES] {
-        let get = |lane: Lane| {
+    pub(crate) fn of_lanes(device: &LogicalDevice) -> [Self; LANES] {
+        let get = |lane: QueueLane| {
             let choice = device.choice(lane);
             // SAFETY: the device was made with all queues of the choices.
             let queue = unsafe { device.raw.get_device_queue(choice.family, choice.index) };
             Arc::new(Mutex::new(queue))
         };
-        let main = get(Lane::Main);
-        let is_shared = device.choice(Lane::Main) == device.choice(Lane::Transfer);
-        let transfer = if is_shared { Arc::clone(&main) } else { get(Lane::Transfer) };
-        [Self::new(Lane::Main, main), Self::new(Lane::Transfer, transfer)]
+        let main = get(QueueLane::Main);
+        let is_shared = device.choice(QueueLane::Main) == device.choice(QueueLane::Transfer);
+        let transfer = if is_shared { Arc::clone(&main) } else { get(QueueLane::Transfer) };
+        [Self::new(QueueLane::Main, main), Self::new(QueueLane::Transfer, transfer)]
     }
 
-    fn new(lane: Lane, raw: Arc<Mutex<vk::Queue>>) -> Self {
+    fn new(lane: QueueLane, raw: Arc<Mutex<vk::Queue>>) -> Self {
         Self { lane, raw, in_flight: Mutex::new(VecDeque::new()), slots: Mutex::new(Vec::new()) }
     }
 
@@ -111,9 +111,9 @@ impl Queue {
     /// an error nothing runs and `work` is let go.
     pub(crate) fn submit(
         &self,
-        device: &Device,
+        device: &LogicalDevice,
         mut work: InFlight,
-        (label, marks): (String, Vec<Mark>),
+        (label, marks): (String, Vec<OperationMark>),
     ) -> Result<u64, GpuError> {
         let mut in_flight = self.lock();
         let timeline = device.timeline(self.lane);
@@ -144,10 +144,10 @@ impl Queue {
         }
     }
 
-    fn submit_raw(&self, device: &Device, work: &InFlight) -> Result<(), vk::Result> {
+    fn submit_raw(&self, device: &LogicalDevice, work: &InFlight) -> Result<(), vk::Result> {
         let semaphore = |lane| device.timeline(lane).semaphore();
         let (values, semaphores, buffers) = ([work.value], [semaphore(self.lane)], [work.slot.buffer]);
-        let others = Lane::ALL.into_iter().filter(|&lane| lane != self.lane && work.waits.of(lane) > 0);
+        let others = QueueLane::ALL.into_iter().filter(|&lane| lane != self.lane && work.waits.of(lane) > 0);
         let waits: Vec<_> = others.map(|lane| (semaphore(lane), work.waits.of(lane))).collect();
         let (wait_semaphores, wait_values): (Vec<_>, Vec<_>) = waits.into_iter().unzip();
         // A signal makes all writes before it available, a wait makes them visible to these stages: no barrier is
@@ -170,7 +170,7 @@ impl Queue {
     }
 
     /// Takes what submissions up to `completed` kept alive. The caller drops it without this queue's lock.
-    pub(crate) fn take_finished(&self, device: &Device, completed: u64) -> Vec<InFlight> {
+    pub(crate) fn take_finished(&self, device: &LogicalDevice, completed: u64) -> Vec<InFlight> {
         let mut in_flight = self.lock();
         let count = in_flight.iter().take_while(|work| work.value <= completed).count();
         device.passes(self.lane).finished(completed);
@@ -178,7 +178,7 @@ impl Queue {
     }
 
     /// A command pool with its buffer, ready to record.
-    pub(crate) fn slot(&self, device: &Device) -> Result<CommandSlot, GpuError> {
+    pub(crate) fn slot(&self, device: &LogicalDevice) -> Result<CommandSlot, GpuError> {
         let recycled = self.slots.lock().unwrap_or_else(PoisonError::into_inner).pop();
         match recycled {
             Some(slot) => Ok(slot),
@@ -187,7 +187,7 @@ impl Queue {
     }
 
     /// Takes back a slot of this lane that no submission uses.
-    pub(crate) fn recycle(&self, device: &Device, slot: CommandSlot) {
+    pub(crate) fn recycle(&self, device: &LogicalDevice, slot: CommandSlot) {
         // SAFETY: the caller owns the slot, and its buffer is not pending.
         let reset = unsafe { device.raw.reset_command_pool(slot.pool, vk::CommandPoolResetFlags::empty()) };
         if reset.is_ok() {
@@ -198,7 +198,7 @@ impl Queue {
     }
 
     /// Destroys the slots, and lets go of all that is in flight. The device is idle and no command list is left.
-    pub(crate) fn close(&self, device: &Device) {
+    pub(crate) fn close(&self, device: &LogicalDevice) {
         for work in self.take_finished(device, u64::MAX) {
             work.slot.destroy(&device.raw);
         }

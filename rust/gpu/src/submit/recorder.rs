@@ -9,21 +9,21 @@ use std::sync::Arc;
 
 use ash::vk;
 
-use crate::device::logical::Device;
-use crate::device::markers::Mark;
+use crate::device::logical::LogicalDevice;
+use crate::device::markers::OperationMark;
 use crate::error::GpuError;
-use crate::instance::lane::Lane;
-use crate::submit::timer::Timer;
+use crate::instance::lane::QueueLane;
+use crate::submit::timer::QueryTimer;
 
 /// Stages in which operations run, and what they write and read there.
 #[derive(Clone, Copy, Debug)]
-struct Scope {
+struct SyncScope {
     stages: vk::PipelineStageFlags,
     writes: vk::AccessFlags,
     reads: vk::AccessFlags,
 }
 
-impl Scope {
+impl SyncScope {
     /// A family without compute knows the transfer stage only (VUID-vkCmdPipelineBarrier-srcStageMask-06461).
     fn of(computes: bool) -> Self {
         let (mut stages, mut writes, mut reads) =
@@ -39,25 +39,25 @@ impl Scope {
 
 /// A command buffer being recorded.
 #[derive(Debug)]
-pub(crate) struct Recorder {
-    pub(crate) device: Arc<Device>,
-    pub(crate) lane: Lane,
+pub(crate) struct CommandRecorder {
+    pub(crate) device: Arc<LogicalDevice>,
+    pub(crate) lane: QueueLane,
     buffer: vk::CommandBuffer,
-    scope: Scope,
+    scope: SyncScope,
     /// Something before the next operation has to be waited for. True at the start: earlier submissions.
     barrier_pending: bool,
     concurrent_depth: u32,
     has_operations: bool,
     timing: bool,
-    pub(crate) timer: Option<Timer>,
-    pub(crate) marks: Vec<Mark>,
+    pub(crate) timer: Option<QueryTimer>,
+    pub(crate) marks: Vec<OperationMark>,
 }
 
-impl Recorder {
+impl CommandRecorder {
     /// Begins the buffer, which is one of the lane's.
     pub(crate) fn begin(
-        device: &Arc<Device>,
-        lane: Lane,
+        device: &Arc<LogicalDevice>,
+        lane: QueueLane,
         buffer: vk::CommandBuffer,
         label: &str,
     ) -> Result<Self, GpuError> {
@@ -68,7 +68,7 @@ impl Recorder {
             device: Arc::clone(device),
             lane,
             buffer,
-            scope: Scope::of(device.choice(lane).computes),
+            scope: SyncScope::of(device.choice(lane).computes),
             barrier_pending: true,
             concurrent_depth: 0,
             has_operations: false,
@@ -172,7 +172,7 @@ impl Recorder {
         if !self.barrier_pending {
             return;
         }
-        let Scope { stages, writes, reads } = self.scope;
+        let SyncScope { stages, writes, reads } = self.scope;
         let barrier = [vk::MemoryBarrier::default().src_access_mask(writes).dst_access_mask(writes | reads)];
         self.pipeline_barrier(stages, &barrier);
         if let Some(markers) = &self.device.markers {
@@ -193,7 +193,7 @@ impl Recorder {
             return Ok(None);
         }
         let bits = self.device.choice(self.lane).timestamp_bits;
-        let timer = self.timer.get_or_insert_with(|| Timer::new(&self.device, bits));
+        let timer = self.timer.get_or_insert_with(|| QueryTimer::new(&self.device, bits));
         timer.stamp(self.buffer).map(Some)
     }
 

@@ -1,19 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Timestamps around operations of one command list.
 //!
-//! Used only when profiling is on. A [`Timer`] belongs to one command list while it is recorded and is read after its
-//! submission has finished; the query pools go back to the device when the last holder drops it.
+//! Used only when profiling is on. A [`QueryTimer`] belongs to one command list while it is recorded and is read after
+//! its submission has finished; the query pools go back to the device when the last holder drops it.
 
 use std::sync::Arc;
 
 use ash::vk;
 
-use crate::device::logical::{Device, POOL_QUERIES};
+use crate::device::logical::{LogicalDevice, POOL_QUERIES};
 use crate::error::GpuError;
 
 /// A name with the numbers of its two queries.
 #[derive(Debug)]
-struct Entry {
+struct TimerEntry {
     name: String,
     begin: u32,
     end: u32,
@@ -21,17 +21,17 @@ struct Entry {
 
 /// Query pools in use by one command list, and what they measure.
 #[derive(Debug)]
-pub(crate) struct Timer {
-    device: Arc<Device>,
+pub(crate) struct QueryTimer {
+    device: Arc<LogicalDevice>,
     /// Valid bits of the queue's timestamps.
     bits: u32,
     pools: Vec<vk::QueryPool>,
-    entries: Vec<Entry>,
+    entries: Vec<TimerEntry>,
     used: u32,
 }
 
-impl Timer {
-    pub(crate) fn new(device: &Arc<Device>, bits: u32) -> Self {
+impl QueryTimer {
+    pub(crate) fn new(device: &Arc<LogicalDevice>, bits: u32) -> Self {
         Self { device: Arc::clone(device), bits, pools: Vec::new(), entries: Vec::new(), used: 0 }
     }
 
@@ -53,7 +53,7 @@ impl Timer {
 
     /// Adds an entry between two stamps. Entries are reported in the order of their begin.
     pub(crate) fn add(&mut self, name: String, begin: u32, end: u32) {
-        self.entries.push(Entry { name, begin, end });
+        self.entries.push(TimerEntry { name, begin, end });
     }
 
     /// Name and seconds of every entry, in recording order. Call only after the submission has finished.
@@ -75,7 +75,7 @@ impl Timer {
         let tick_secs = f64::from(self.device.limits.timestamp_period_ns) * 1e-9;
         let mut entries: Vec<_> = self.entries.iter().collect();
         entries.sort_by_key(|entry| entry.begin);
-        let secs = |entry: &Entry| {
+        let secs = |entry: &TimerEntry| {
             let ticks = ticks_between(stamps[entry.begin as usize], stamps[entry.end as usize], self.bits);
             tick_secs * ticks as f64
         };
@@ -89,7 +89,7 @@ fn ticks_between(begin: u64, end: u64, bits: u32) -> u64 {
     end.wrapping_sub(begin) & mask
 }
 
-impl Drop for Timer {
+impl Drop for QueryTimer {
     fn drop(&mut self) {
         self.device.recycle_query_pools(&mut self.pools);
     }

@@ -7,8 +7,8 @@ use std::time::Duration;
 
 use ash::vk;
 
-use crate::instance::lane::Lane;
-use crate::{Buffer, Commands, Gpu, Heap, OpenOptions, StagingRing, Submission, Usage};
+use crate::instance::lane::QueueLane;
+use crate::{Buffer, BufferUsage, CommandList, Gpu, Heap, OpenOptions, StagingRing, Submission};
 
 const SOON: Duration = Duration::from_millis(30);
 const LATE: Duration = Duration::from_secs(30);
@@ -24,14 +24,14 @@ fn open_with(options: &OpenOptions) -> Arc<Gpu> {
 
 /// Holds back what waits for it. Nothing may be submitted to its lane.
 pub(crate) struct Gate {
-    lane: Lane,
+    lane: QueueLane,
     pretended: Submission,
     gpu: Arc<Gpu>,
 }
 
 impl Gate {
     /// A gate for lists of the other lane than `lane`.
-    pub(crate) fn of(gpu: &Arc<Gpu>, lane: Lane) -> Self {
+    pub(crate) fn of(gpu: &Arc<Gpu>, lane: QueueLane) -> Self {
         Self {
             lane,
             pretended: Submission::new(gpu, (lane, 1), "gate".to_owned(), (Vec::new(), None)),
@@ -39,7 +39,7 @@ impl Gate {
         }
     }
 
-    pub(crate) fn hold(&self, commands: &mut Commands) {
+    pub(crate) fn hold(&self, commands: &mut CommandList) {
         commands.wait_for(&self.pretended);
     }
 
@@ -59,10 +59,10 @@ impl Drop for Gate {
     }
 }
 
-fn list_of(gpu: &Arc<Gpu>, lane: Lane) -> Commands {
+fn list_of(gpu: &Arc<Gpu>, lane: QueueLane) -> CommandList {
     match lane {
-        Lane::Main => gpu.commands("main list"),
-        Lane::Transfer => gpu.transfer_commands("transfer list"),
+        QueueLane::Main => gpu.commands("main list"),
+        QueueLane::Transfer => gpu.transfer_commands("transfer list"),
     }
     .expect("a command list")
 }
@@ -75,10 +75,10 @@ fn finished_silently(gpu: Arc<Gpu>) {
 
 #[test]
 fn a_command_list_runs_after_its_dependencies() {
-    for [lane, gate] in [[Lane::Main, Lane::Transfer], [Lane::Transfer, Lane::Main]] {
+    for [lane, gate] in [[QueueLane::Main, QueueLane::Transfer], [QueueLane::Transfer, QueueLane::Main]] {
         let gpu = open();
         let gate = Gate::of(&gpu, gate);
-        let data = Buffer::new(&gpu, "data", 64, Usage::Readback).expect("memory");
+        let data = Buffer::new(&gpu, "data", 64, BufferUsage::Readback).expect("memory");
         let mut commands = list_of(&gpu, lane);
         commands.fill(&data, 0, 64, 1);
         gate.hold(&mut commands);
@@ -93,12 +93,12 @@ fn a_command_list_runs_after_its_dependencies() {
 
 #[test]
 fn dropped_objects_are_kept_until_both_queues_finish() {
-    for [lane, gate] in [[Lane::Main, Lane::Transfer], [Lane::Transfer, Lane::Main]] {
+    for [lane, gate] in [[QueueLane::Main, QueueLane::Transfer], [QueueLane::Transfer, QueueLane::Main]] {
         let gpu = open();
         let gate = Gate::of(&gpu, gate);
         let heap = Heap::new(&gpu, "heap", 1 << 20).expect("a heap");
         // Neither is named by the list: it could know their addresses.
-        let buffer = Buffer::new(&gpu, "buffer", 1 << 20, Usage::Device).expect("memory");
+        let buffer = Buffer::new(&gpu, "buffer", 1 << 20, BufferUsage::Device).expect("memory");
         let (shared, own) = (heap.alloc("a", 4096, 16).expect("memory"), heap.alloc("b", 1 << 20, 16).expect("memory"));
         let mut commands = list_of(&gpu, lane);
         gate.hold(&mut commands);
@@ -116,11 +116,11 @@ fn dropped_objects_are_kept_until_both_queues_finish() {
 #[test]
 fn a_range_that_outlives_its_heap_is_kept_too() {
     let gpu = open();
-    let gate = Gate::of(&gpu, Lane::Transfer);
+    let gate = Gate::of(&gpu, QueueLane::Transfer);
     let heap = Heap::new(&gpu, "heap", 1 << 20).expect("a heap");
     let ranges = ["a", "b"].map(|name| heap.alloc(name, 4096, 16).expect("memory"));
     drop(heap);
-    let mut commands = list_of(&gpu, Lane::Main);
+    let mut commands = list_of(&gpu, QueueLane::Main);
     gate.hold(&mut commands);
     let submission = commands.submit().expect("submitted");
     drop(ranges);
@@ -134,11 +134,11 @@ fn a_range_that_outlives_its_heap_is_kept_too() {
 
 #[test]
 fn staging_space_comes_back_when_the_copy_is_done() {
-    for [lane, gate] in [[Lane::Main, Lane::Transfer], [Lane::Transfer, Lane::Main]] {
+    for [lane, gate] in [[QueueLane::Main, QueueLane::Transfer], [QueueLane::Transfer, QueueLane::Main]] {
         let gpu = open();
         let gate = Gate::of(&gpu, gate);
         let ring = StagingRing::new(&gpu, 100).expect("a ring");
-        let target = Buffer::new(&gpu, "target", 80, Usage::Readback).expect("memory");
+        let target = Buffer::new(&gpu, "target", 80, BufferUsage::Readback).expect("memory");
         let mut slice = ring.reserve(80, 4).expect("all is free");
         slice.bytes_mut().fill(7);
         let mut commands = list_of(&gpu, lane);
@@ -167,10 +167,10 @@ fn staging_space_comes_back_when_the_copy_is_done() {
 fn trying_to_allocate_does_not_wait() {
     const MIB: u64 = 1 << 20;
     let gpu = open_with(&OpenOptions { budget_bytes: Some(5 * MIB), ..OpenOptions::default() });
-    let gate = Gate::of(&gpu, Lane::Main);
+    let gate = Gate::of(&gpu, QueueLane::Main);
     let heap = Heap::new(&gpu, "heap", 2 * MIB).expect("a heap");
     let (shared, own) = (heap.alloc("shared", MIB, 16).expect("fits"), heap.alloc("own", 2 * MIB, 16).expect("fits"));
-    let mut transfer = list_of(&gpu, Lane::Transfer);
+    let mut transfer = list_of(&gpu, QueueLane::Transfer);
     transfer.fill(&shared, 0, MIB, 1);
     gate.hold(&mut transfer);
     let submission = transfer.submit().expect("submitted");

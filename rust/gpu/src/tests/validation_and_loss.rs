@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use ash::vk;
 
-use crate::{Buffer, Commands, Gpu, GpuError, Heap, OpenOptions, Pipeline, StagingRing, Usage};
+use crate::{Buffer, BufferUsage, CommandList, Gpu, GpuError, Heap, OpenOptions, Pipeline, StagingRing};
 
 fn open(validation: bool) -> Arc<Gpu> {
     let selector = std::env::var("OOCPT_TEST_DEVICE").ok();
@@ -49,7 +49,7 @@ fn a_leak_is_reported_after_closing() {
     assert!(messages.iter().any(|m| m.contains("VUID-vkDestroyDevice-device")), "{messages:?}");
 }
 
-fn filled(gpu: &Arc<Gpu>, label: &str, buffer: &Buffer) -> Commands {
+fn filled(gpu: &Arc<Gpu>, label: &str, buffer: &Buffer) -> CommandList {
     let mut commands = gpu.commands(label).expect("a command list");
     commands.fill(buffer, 0, 64, 1);
     commands.update(buffer, 0, &[0; 4]);
@@ -65,7 +65,7 @@ fn lose(gpu: &Gpu) -> GpuError {
 #[test]
 fn a_lost_device_names_the_last_pass() {
     let gpu = open(false);
-    let buffer = Buffer::new(&gpu, "buffer", 64, Usage::Device).expect("memory");
+    let buffer = Buffer::new(&gpu, "buffer", 64, BufferUsage::Device).expect("memory");
     let submission = filled(&gpu, "wave 7", &buffer).enqueue().expect("submitted");
     // Waits without taking the submission off the list, as when the device dies in the middle.
     assert_eq!(gpu.device().wait_for(gpu.device().submitted()), Ok(()), "finished");
@@ -79,7 +79,7 @@ fn a_lost_device_names_the_last_pass() {
 #[test]
 fn a_lost_device_names_the_last_pass_of_both_queues() {
     let gpu = open(false);
-    let buffer = Buffer::new(&gpu, "buffer", 64, Usage::Device).expect("memory");
+    let buffer = Buffer::new(&gpu, "buffer", 64, BufferUsage::Device).expect("memory");
     filled(&gpu, "wave 7", &buffer).enqueue().expect("submitted");
     let mut transfer = gpu.transfer_commands("bring chunk 3").expect("a command list");
     transfer.fill(&buffer, 0, 64, 1);
@@ -93,7 +93,7 @@ fn a_lost_device_names_the_last_pass_of_both_queues() {
 #[test]
 fn without_markers_the_last_submission_is_named() {
     let gpu = Gpu::open(&OpenOptions { crash_markers: false, ..OpenOptions::default() }).expect("a device");
-    let buffer = Buffer::new(&gpu, "buffer", 64, Usage::Device).expect("memory");
+    let buffer = Buffer::new(&gpu, "buffer", 64, BufferUsage::Device).expect("memory");
     filled(&gpu, "first", &buffer).submit().expect("submitted");
     gpu.wait_idle().expect("alive");
     filled(&gpu, "second", &buffer).enqueue().expect("submitted");
@@ -108,13 +108,13 @@ fn after_a_loss_everything_fails_and_everything_can_be_dropped() {
     let log = gpu.validation_log();
     let heap = Heap::new(&gpu, "heap", 1 << 20).expect("a heap");
     let range = heap.alloc("range", 1000, 16).expect("memory");
-    let buffer = Buffer::new(&gpu, "buffer", 64, Usage::Device).expect("memory");
+    let buffer = Buffer::new(&gpu, "buffer", 64, BufferUsage::Device).expect("memory");
     let commands = filled(&gpu, "too late", &buffer);
     gpu.wait_idle().expect("alive");
     let lost = lose(&gpu);
     assert_eq!(commands.submit().expect_err("submit"), lost, "the same error everywhere");
     assert_eq!(gpu.commands("more").expect_err("commands"), lost, "commands");
-    assert_eq!(Buffer::new(&gpu, "more", 64, Usage::Device).expect_err("buffer"), lost, "buffer");
+    assert_eq!(Buffer::new(&gpu, "more", 64, BufferUsage::Device).expect_err("buffer"), lost, "buffer");
     assert_eq!(heap.alloc("more", 64, 16).expect_err("range"), lost, "range");
     assert_eq!(Heap::new(&gpu, "more", 1).expect_err("heap"), lost, "heap");
     assert_eq!(Pipeline::new(&gpu, "more", &[], &[], 0).expect_err("pipeline"), lost, "pipeline");

@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use oocpt_gpu::{Buffer, Call, Failure, Gpu, GpuError, Heap, OpenOptions, Pipeline, Usage};
+use oocpt_gpu::{Buffer, BufferUsage, DriverCall, Gpu, GpuError, Heap, OpenOptions, Pipeline, PlantedFailure};
 
 use crate::support::{self, affine, affine_push, finish};
 
@@ -17,7 +17,7 @@ fn small() -> support::TestGpu {
 fn work(gpu: &Arc<Gpu>, heap: &Heap, words: &[u32]) -> Result<Vec<u32>, GpuError> {
     let pipeline = Pipeline::new(gpu, "affine", words, &[(0, 3)], 24)?;
     let range = heap.alloc("range", 256, 16)?;
-    let readback = Buffer::new(gpu, "readback", 256, Usage::Readback)?;
+    let readback = Buffer::new(gpu, "readback", 256, BufferUsage::Readback)?;
     // More lists at a time than were ever made: each needs a pool.
     let spare = (0..3).map(|_| gpu.commands("spare")).collect::<Result<Vec<_>, _>>()?;
     let mut commands = gpu.commands("work")?;
@@ -37,9 +37,9 @@ fn books(gpu: &Gpu) -> u64 {
 fn a_planted_failure_strikes_the_request_it_was_meant_for() {
     let gpu = small();
     let heap = Heap::new(&gpu, "heap", MIB).expect("a heap");
-    gpu.plant_failure(Failure { call: Call::Request, after: 2, times: 1 });
+    gpu.plant_failure(PlantedFailure { call: DriverCall::Request, after: 2, times: 1 });
     let first = heap.alloc("a", 1000, 16);
-    let second = Buffer::new(&gpu, "b", 1000, Usage::Device);
+    let second = Buffer::new(&gpu, "b", 1000, BufferUsage::Device);
     let third = heap.alloc("c", 1000, 16);
     assert!(first.is_ok() && second.is_ok(), "before the failure");
     assert!(matches!(third, Err(GpuError::OutOfMemory { .. })), "{third:?}");
@@ -52,14 +52,21 @@ fn a_planted_failure_strikes_the_request_it_was_meant_for() {
 #[test]
 fn every_allocating_call_survives_out_of_memory() {
     let words = support::compile(support::AFFINE);
-    let calls = [Call::Buffer, Call::Range, Call::Memory, Call::Mapping, Call::Pipeline, Call::CommandPool];
+    let calls = [
+        DriverCall::Buffer,
+        DriverCall::Range,
+        DriverCall::Memory,
+        DriverCall::Mapping,
+        DriverCall::Pipeline,
+        DriverCall::CommandPool,
+    ];
     for (call, times) in calls.into_iter().flat_map(|call| [(call, 1), (call, 2), (call, 100)]) {
         let gpu = support::open();
         let heap = Heap::new(&gpu, "heap", MIB).expect("a heap");
         let before = (books(&gpu), gpu.driver_memory().held);
         // Arenas are mapped where device memory is the host's.
-        let is_asked_again = call == Call::Memory || call == Call::Mapping && gpu.has_host_memory();
-        gpu.plant_failure(Failure { call, after: 0, times });
+        let is_asked_again = call == DriverCall::Memory || call == DriverCall::Mapping && gpu.has_host_memory();
+        gpu.plant_failure(PlantedFailure { call, after: 0, times });
         let mut errors = 0;
         while gpu.failures_struck() < u64::from(times) {
             match work(&gpu, &heap, &words) {
@@ -91,7 +98,8 @@ fn the_budget_counts_every_byte_of_vk_allocate_memory() {
                 let mut kept = Vec::new();
                 for i in 0..60 {
                     let bytes = 1 + (thread * 7919 + i * 104_729) % 300_000;
-                    let usage = [Usage::Device, Usage::Upload, Usage::Readback][usize::try_from(i % 3).expect("small")];
+                    let usage = [BufferUsage::Device, BufferUsage::Upload, BufferUsage::Readback]
+                        [usize::try_from(i % 3).expect("small")];
                     kept.push((Buffer::new(gpu, "buffer", bytes, usage).ok(), heap.alloc("range", bytes, 16).ok()));
                     if i % 40 == 39 {
                         kept.clear();
@@ -107,7 +115,7 @@ fn the_budget_counts_every_byte_of_vk_allocate_memory() {
     assert!(memory.peak <= memory.budget && memory.peak > memory.budget / 2, "the budget was put to use: {memory:?}");
     assert_eq!(driver.held, memory.used + memory.host_used, "to the byte: {driver:?}, {memory:?}");
     let pipeline = affine(&gpu, 2);
-    let held = Buffer::new(&gpu, "odd", 12_345, Usage::Device).expect("memory");
+    let held = Buffer::new(&gpu, "odd", 12_345, BufferUsage::Device).expect("memory");
     assert_eq!(gpu.driver_memory().held, books(&gpu), "with a buffer of an odd size");
     drop((held, pipeline));
     assert_eq!(gpu.driver_memory().held, books(&gpu), "and without it");

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The hard budget: refusal, recovery, planted failures.
 
-use oocpt_gpu::{Buffer, DeviceKind, GpuError, Heap, OpenOptions, Usage};
+use oocpt_gpu::{Buffer, BufferUsage, DeviceKind, GpuError, Heap, OpenOptions};
 
 use crate::support;
 
@@ -14,14 +14,14 @@ fn small() -> support::TestGpu {
 #[test]
 fn above_the_budget_is_refused_and_dropping_recovers() {
     let gpu = small();
-    let first = Buffer::new(&gpu, "first", 6 * MIB, Usage::Device).expect("fits");
-    let error = Buffer::new(&gpu, "second", 4 * MIB, Usage::Device).expect_err("does not fit");
+    let first = Buffer::new(&gpu, "first", 6 * MIB, BufferUsage::Device).expect("fits");
+    let error = Buffer::new(&gpu, "second", 4 * MIB, BufferUsage::Device).expect_err("does not fit");
     let GpuError::OutOfMemory { name, bytes, used, budget } = &error else { panic!("{error}") };
     assert_eq!((name.as_str(), *budget), ("second", 8 * MIB), "{error}");
     assert!(*bytes >= 4 * MIB && *used >= 6 * MIB && *used <= 8 * MIB, "{error}");
-    assert!(Buffer::new(&gpu, "staging", 4 * MIB, Usage::Upload).is_ok(), "host memory is not bounded by it");
+    assert!(Buffer::new(&gpu, "staging", 4 * MIB, BufferUsage::Upload).is_ok(), "host memory is not bounded by it");
     drop(first);
-    let second = Buffer::new(&gpu, "second", 4 * MIB, Usage::Device).expect("fits now");
+    let second = Buffer::new(&gpu, "second", 4 * MIB, BufferUsage::Device).expect("fits now");
     let memory = gpu.memory();
     assert_eq!((memory.used, memory.budget), (second.size(), 8 * MIB), "{memory:?}");
     assert!(memory.peak >= 6 * MIB && memory.peak <= memory.budget, "{memory:?}");
@@ -30,11 +30,11 @@ fn above_the_budget_is_refused_and_dropping_recovers() {
 #[test]
 fn the_budget_can_be_moved() {
     let gpu = small();
-    let held = Buffer::new(&gpu, "held", 6 * MIB, Usage::Device).expect("fits");
+    let held = Buffer::new(&gpu, "held", 6 * MIB, BufferUsage::Device).expect("fits");
     gpu.set_budget(Some(4 * MIB));
-    assert!(Buffer::new(&gpu, "more", 1, Usage::Device).is_err(), "already above the new budget");
+    assert!(Buffer::new(&gpu, "more", 1, BufferUsage::Device).is_err(), "already above the new budget");
     drop(held);
-    assert!(Buffer::new(&gpu, "more", 3 * MIB, Usage::Device).is_ok(), "below it again");
+    assert!(Buffer::new(&gpu, "more", 3 * MIB, BufferUsage::Device).is_ok(), "below it again");
     gpu.set_budget(None);
     assert!(gpu.memory().budget > 8 * MIB, "automatic: {:?}", gpu.memory());
 }
@@ -66,7 +66,10 @@ fn idle_arenas_make_room_for_others() {
     let heap = Heap::new(&gpu, "heap", 8 * MIB).expect("a heap");
     drop(heap.alloc("passing", 1000, 16).expect("fits"));
     assert!(gpu.memory().used >= 7 * MIB, "the empty arena is kept for the next range");
-    assert!(Buffer::new(&gpu, "large", 7 * MIB, Usage::Device).is_ok(), "and given up when something else needs it");
+    assert!(
+        Buffer::new(&gpu, "large", 7 * MIB, BufferUsage::Device).is_ok(),
+        "and given up when something else needs it"
+    );
 }
 
 #[test]
@@ -76,7 +79,7 @@ fn the_driver_counts_what_we_hold() {
         assert!(!gpu.report().capabilities.memory_budget, "known if the extension is there");
         return;
     };
-    let held = Buffer::new(&gpu, "held", 256 * MIB, Usage::Device).expect("memory");
+    let held = Buffer::new(&gpu, "held", 256 * MIB, BufferUsage::Device).expect("memory");
     let mut commands = gpu.commands("touch").expect("a command list");
     commands.fill(&held, 0, 256 * MIB, 1);
     support::finish(&commands.submit().expect("submitted"));

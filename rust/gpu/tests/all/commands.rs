@@ -3,7 +3,7 @@
 
 use std::time::Duration;
 
-use oocpt_gpu::{Buffer, Gpu, GpuError, Heap, OpenOptions, Pipeline, Usage};
+use oocpt_gpu::{Buffer, BufferUsage, Gpu, GpuError, Heap, OpenOptions, Pipeline};
 
 use crate::support::{self, AFFINE, affine, affine_push, bytes, compile, finish, read_words, spin, spin_push};
 
@@ -13,7 +13,7 @@ fn a_chain_of_dispatches_sees_what_came_before() {
     let pipeline = affine(&gpu, 3);
     let heap = Heap::new(&gpu, "heap", 1 << 20).expect("a heap");
     let data = heap.alloc("data", 4 * 1000, 16).expect("memory");
-    let readback = Buffer::new(&gpu, "readback", 4 * 1000, Usage::Readback).expect("memory");
+    let readback = Buffer::new(&gpu, "readback", 4 * 1000, BufferUsage::Readback).expect("memory");
     let mut commands = gpu.commands("chain").expect("a command list");
     commands.fill(&data, 0, 4000, 1);
     for add in 0..5 {
@@ -30,7 +30,7 @@ fn a_chain_of_dispatches_sees_what_came_before() {
 fn later_submissions_see_earlier_ones() {
     let gpu = support::open();
     let pipeline = affine(&gpu, 1);
-    let data = Buffer::new(&gpu, "data", 256, Usage::Readback).expect("memory");
+    let data = Buffer::new(&gpu, "data", 256, BufferUsage::Readback).expect("memory");
     data.write(0, &[0; 256]).expect("fits");
     let submissions: Vec<_> = (0..50)
         .map(|_| {
@@ -48,8 +48,8 @@ fn later_submissions_see_earlier_ones() {
 fn indirect_dispatch_reads_its_counts_from_the_gpu() {
     let gpu = support::open();
     let pipeline = affine(&gpu, 1);
-    let data = Buffer::new(&gpu, "data", 4 * 256, Usage::Readback).expect("memory");
-    let counts = Buffer::new(&gpu, "counts", 32, Usage::Device).expect("memory");
+    let data = Buffer::new(&gpu, "data", 4 * 256, BufferUsage::Readback).expect("memory");
+    let counts = Buffer::new(&gpu, "counts", 32, BufferUsage::Device).expect("memory");
     let mut commands = gpu.commands("indirect").expect("a command list");
     commands.fill(&data, 0, 4 * 256, 7);
     commands.update(&counts, 8, &bytes(&[2, 1, 1]));
@@ -65,7 +65,7 @@ fn indirect_dispatch_reads_its_counts_from_the_gpu() {
 fn a_concurrent_section_is_one_step_in_the_order() {
     let gpu = support::open();
     let pipeline = affine(&gpu, 2);
-    let data = Buffer::new(&gpu, "data", 4 * 128, Usage::Readback).expect("memory");
+    let data = Buffer::new(&gpu, "data", 4 * 128, BufferUsage::Readback).expect("memory");
     let push = |part: u64| affine_push(data.address() + part * 256, data.address() + part * 256, 64, 1);
     let mut commands = gpu.commands("sections").expect("a command list");
     commands.concurrent(|c| {
@@ -86,7 +86,7 @@ fn hazards_inside_a_concurrent_section_are_reported() {
         eprintln!("skipped: VK_LAYER_KHRONOS_validation is not installed");
         return;
     }
-    let data = Buffer::new(&gpu, "data", 64, Usage::Device).expect("memory");
+    let data = Buffer::new(&gpu, "data", 64, BufferUsage::Device).expect("memory");
     let mut commands = gpu.commands("hazard").expect("a command list");
     commands.concurrent(|c| (0..2).for_each(|value| c.fill(&data, 0, 64, value)));
     finish(&commands.submit().expect("submitted"));
@@ -98,7 +98,7 @@ fn hazards_inside_a_concurrent_section_are_reported() {
 fn timings_name_the_passes_in_order() {
     let gpu = support::open_with(&OpenOptions { profile: true, ..support::options() });
     let (spin, affine) = (spin(&gpu), affine(&gpu, 1));
-    let data = Buffer::new(&gpu, "data", 256, Usage::Device).expect("memory");
+    let data = Buffer::new(&gpu, "data", 256, BufferUsage::Device).expect("memory");
     let mut commands = gpu.commands("timed").expect("a command list");
     commands.fill(&data, 0, 256, 0);
     commands.span("work", |c| {
@@ -124,7 +124,7 @@ fn timings_name_the_passes_in_order() {
 #[test]
 fn timings_are_off_unless_asked_for() {
     let gpu = support::open();
-    let data = Buffer::new(&gpu, "data", 64, Usage::Device).expect("memory");
+    let data = Buffer::new(&gpu, "data", 64, BufferUsage::Device).expect("memory");
     let mut commands = gpu.commands("partly timed").expect("a command list");
     commands.fill(&data, 0, 64, 0);
     commands.profile(true);
@@ -141,7 +141,7 @@ fn timings_are_off_unless_asked_for() {
 fn waiting_times_out_with_an_error() {
     let gpu = support::open();
     let pipeline = spin(&gpu);
-    let data = Buffer::new(&gpu, "data", 64, Usage::Device).expect("memory");
+    let data = Buffer::new(&gpu, "data", 64, BufferUsage::Device).expect("memory");
     let mut commands = gpu.commands("long").expect("a command list");
     for _ in 0..20 {
         commands.dispatch(&pipeline, &spin_push(data.address(), support::LONG), [1, 1, 1]);
@@ -156,9 +156,9 @@ fn waiting_times_out_with_an_error() {
 fn the_first_mistake_is_returned_and_nothing_runs() {
     let gpu = support::open();
     let pipeline = affine(&gpu, 1);
-    let data = Buffer::new(&gpu, "data", 64, Usage::Readback).expect("memory");
+    let data = Buffer::new(&gpu, "data", 64, BufferUsage::Readback).expect("memory");
     data.write(0, &[7; 64]).expect("fits");
-    type Mistake<'a> = (&'a str, Box<dyn Fn(&mut oocpt_gpu::Commands) + 'a>);
+    type Mistake<'a> = (&'a str, Box<dyn Fn(&mut oocpt_gpu::CommandList) + 'a>);
     let mistakes: [Mistake<'_>; 8] = [
         ("68 bytes at 0 do not fit", Box::new(|c| c.fill(&data, 0, 68, 0))),
         ("not multiples of 4", Box::new(|c| c.fill(&data, 2, 4, 0))),

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Choosing a device, and what is reported about it.
 
-use oocpt_gpu::{Buffer, Gpu, GpuError, OpenOptions, Usage, enumerate, enumerate_for};
+use oocpt_gpu::{Buffer, BufferUsage, Gpu, GpuError, OpenOptions, enumerate, enumerate_for};
 
 use crate::support;
 
@@ -41,8 +41,8 @@ fn an_unmatched_selector_lists_the_devices() {
 #[test]
 fn two_devices_live_side_by_side() {
     let (first, second) = (support::open(), support::open());
-    let ours = Buffer::new(&first, "ours", 64, Usage::Upload).expect("memory");
-    let theirs = Buffer::new(&second, "theirs", 64, Usage::Upload).expect("memory");
+    let ours = Buffer::new(&first, "ours", 64, BufferUsage::Upload).expect("memory");
+    let theirs = Buffer::new(&second, "theirs", 64, BufferUsage::Upload).expect("memory");
     let mut commands = first.commands("mixed").expect("a command list");
     commands.copy(&ours, 0, &theirs, 0, 64);
     let error = commands.submit().expect_err("buffers of another Gpu are refused");

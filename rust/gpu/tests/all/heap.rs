@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Heaps: ranges do not overlap, space comes back, statistics tell the truth.
 
-use oocpt_gpu::{Buffer, Call, DeviceRange, Failure, GpuError, Heap, HeapOptions, HeapRange, OpenOptions, Usage};
+use oocpt_gpu::{
+    Buffer, BufferUsage, DeviceRange, DriverCall, GpuError, Heap, HeapOptions, HeapRange, OpenOptions, PlantedFailure,
+};
 
 use crate::support::{self, finish, read_words};
 
@@ -110,7 +112,7 @@ fn a_heap_of_host_memory_keeps_its_arenas() {
     const MIB: u64 = 1 << 20;
     let gpu = support::open();
     let before = gpu.memory();
-    let options = HeapOptions { usage: Usage::Shared, keeps_arenas: true, ..HeapOptions::default() };
+    let options = HeapOptions { usage: BufferUsage::Shared, keeps_arenas: true, ..HeapOptions::default() };
     let heap = Heap::with_options(&gpu, "host", options).expect("a heap");
     for _ in 0..3 {
         assert_eq!(heap.reserve(2 * MIB).expect("alive"), 2 * MIB);
@@ -131,7 +133,7 @@ fn a_heap_of_host_memory_keeps_its_arenas() {
 fn the_device_reads_what_the_host_fills() {
     let gpu = support::open();
     for arena_bytes in [64 << 10, 64 << 20] {
-        let options = HeapOptions { usage: Usage::Shared, arena_bytes, ..HeapOptions::default() };
+        let options = HeapOptions { usage: BufferUsage::Shared, arena_bytes, ..HeapOptions::default() };
         let heap = Heap::with_options(&gpu, "host", options).expect("a heap");
         let words = |seed: u32| -> Vec<u8> { (0..9000_u32).flat_map(|i| (i ^ seed).to_le_bytes()).collect() };
         let ranges = [1, 2, 3].map(|seed| {
@@ -143,7 +145,7 @@ fn the_device_reads_what_the_host_fills() {
             (range, bytes)
         });
         for (range, bytes) in &ranges {
-            let readback = Buffer::new(&gpu, "readback", 36_000, Usage::Readback).expect("memory");
+            let readback = Buffer::new(&gpu, "readback", 36_000, BufferUsage::Readback).expect("memory");
             let mut commands = gpu.commands("copy").expect("commands");
             commands.copy(range, 0, &readback, 0, 36_000);
             finish(&commands.submit().expect("submitted"));
@@ -229,7 +231,7 @@ fn try_alloc_refuses_when_free_space_is_fragmented() {
 fn a_planted_failure_makes_a_try_fail() {
     let gpu = support::open();
     let heap = Heap::new(&gpu, "heap", 1 << 20).expect("a heap");
-    gpu.plant_failure(Failure { call: Call::Range, after: 1, times: 1 });
+    gpu.plant_failure(PlantedFailure { call: DriverCall::Range, after: 1, times: 1 });
     let tries: Vec<_> = (0..3).map(|_| heap.try_alloc("a", 1000, 16).expect("alive").is_some()).collect();
     assert_eq!(tries, [true, false, true], "the second fails");
     assert!(matches!(heap.try_alloc("odd", 64, 3), Err(GpuError::Usage { .. })), "a mistake stays an error");
@@ -252,7 +254,7 @@ fn ranges_outlive_their_heap() {
     let heap = Heap::new(&gpu, "heap", 1 << 20).expect("a heap");
     let range = heap.alloc("survivor", 64, 16).expect("fits");
     drop(heap);
-    let readback = Buffer::new(&gpu, "readback", 64, Usage::Readback).expect("memory");
+    let readback = Buffer::new(&gpu, "readback", 64, BufferUsage::Readback).expect("memory");
     let mut commands = gpu.commands("after the heap").expect("a command list");
     commands.fill(&range, 0, 64, 5);
     commands.copy(&range, 0, &readback, 0, 64);

@@ -4,7 +4,7 @@
 
 use std::time::Duration;
 
-use oocpt_gpu::{Buffer, Gpu, GpuError, Heap, HostSpan, HostView, Usage};
+use oocpt_gpu::{Buffer, BufferUsage, Gpu, GpuError, Heap, HostSpan, HostView};
 
 use crate::support::{self, LONG, affine, affine_push, finish, read_words, spin, spin_push};
 
@@ -21,8 +21,8 @@ fn view(gpu: &Gpu, written: &[&Buffer]) -> Option<HostView> {
 fn host_work_is_ordered_between_device_commands() {
     let gpu = support::open();
     let pipeline = affine(&gpu, 3);
-    let data = Buffer::new(&gpu, "data", 256, Usage::Readback).expect("memory");
-    let (slow, spinner) = (Buffer::new(&gpu, "slow", 16, Usage::Readback).expect("memory"), spin(&gpu));
+    let data = Buffer::new(&gpu, "data", 256, BufferUsage::Readback).expect("memory");
+    let (slow, spinner) = (Buffer::new(&gpu, "slow", 16, BufferUsage::Readback).expect("memory"), spin(&gpu));
     slow.write(0, &[0; 16]).expect("fits");
     let mut commands = gpu.commands("list").expect("a command list");
     commands.dispatch(&spinner, &spin_push(slow.address(), LONG), [1, 1, 1]);
@@ -45,7 +45,7 @@ fn host_work_is_ordered_between_device_commands() {
 #[test]
 fn an_error_of_host_work_fails_the_command_list() {
     let gpu = support::open();
-    let data = Buffer::new(&gpu, "data", 256, Usage::Readback).expect("memory");
+    let data = Buffer::new(&gpu, "data", 256, BufferUsage::Readback).expect("memory");
     data.write(0, &[0; 256]).expect("fits");
     let mut commands = gpu.commands("list").expect("a command list");
     commands.host("fails", TIMEOUT, || Err(GpuError::Usage { name: "it".into(), message: "went wrong".into() }));
@@ -59,9 +59,9 @@ fn an_error_of_host_work_fails_the_command_list() {
 #[test]
 fn a_view_reads_and_writes_inside_of_buffers_only() {
     let gpu = support::open();
-    let read = Buffer::new(&gpu, "read", 64, Usage::Device).expect("memory");
-    let written = Buffer::new(&gpu, "written", 64, Usage::Device).expect("memory");
-    let more = Buffer::new(&gpu, "more", 64, Usage::Device).expect("memory");
+    let read = Buffer::new(&gpu, "read", 64, BufferUsage::Device).expect("memory");
+    let written = Buffer::new(&gpu, "written", 64, BufferUsage::Device).expect("memory");
+    let more = Buffer::new(&gpu, "more", 64, BufferUsage::Device).expect("memory");
     let mut commands = gpu.commands("fill").expect("a command list");
     commands.fill(&read, 0, 64, 7);
     commands.fill(&more, 0, 64, 0x0403_0201);
@@ -111,7 +111,7 @@ fn a_view_reads_and_writes_inside_of_buffers_only() {
 #[test]
 fn buffers_stay_alive_while_a_host_view_exists() {
     let gpu = support::open();
-    let data = Buffer::new(&gpu, "data", 1 << 20, Usage::Device).expect("memory");
+    let data = Buffer::new(&gpu, "data", 1 << 20, BufferUsage::Device).expect("memory");
     let mut commands = gpu.commands("fill").expect("a command list");
     commands.fill(&data, 0, 1 << 20, 9);
     finish(&commands.submit().expect("submitted"));

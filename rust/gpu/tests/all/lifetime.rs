@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Nothing is destroyed while the GPU may use it, and everything is destroyed in the end.
 
-use oocpt_gpu::{Buffer, Gpu, Heap, OpenOptions, Submission, Usage};
+use oocpt_gpu::{Buffer, BufferUsage, Gpu, Heap, OpenOptions, Submission};
 
 use crate::support::{self, affine, affine_push, finish, read_words, spin, spin_push};
 
@@ -21,7 +21,7 @@ fn busy(gpu: &std::sync::Arc<Gpu>, address: u64) -> Submission {
 fn dropped_buffers_are_held_until_the_gpu_is_done() {
     let gpu = support::open();
     let heap = Heap::new(&gpu, "heap", MIB).expect("a heap");
-    let buffer = Buffer::new(&gpu, "target", 2 * MIB, Usage::Device).expect("memory");
+    let buffer = Buffer::new(&gpu, "target", 2 * MIB, BufferUsage::Device).expect("memory");
     let range = heap.alloc("range", 4096, 16).expect("memory");
     let submission = busy(&gpu, buffer.address());
     drop((buffer, range));
@@ -36,10 +36,10 @@ fn dropped_buffers_are_held_until_the_gpu_is_done() {
 #[test]
 fn a_full_budget_waits_for_retired_buffers() {
     let gpu = support::open_with(&OpenOptions { budget_bytes: Some(4 * MIB), ..support::options() });
-    let first = Buffer::new(&gpu, "first", 3 * MIB, Usage::Device).expect("fits");
+    let first = Buffer::new(&gpu, "first", 3 * MIB, BufferUsage::Device).expect("fits");
     let submission = busy(&gpu, first.address());
     drop(first);
-    let second = Buffer::new(&gpu, "second", 3 * MIB, Usage::Device).expect("fits once the first is gone");
+    let second = Buffer::new(&gpu, "second", 3 * MIB, BufferUsage::Device).expect("fits once the first is gone");
     assert!(submission.is_done(), "it had to wait for the GPU");
     drop(second);
 }
@@ -47,7 +47,7 @@ fn a_full_budget_waits_for_retired_buffers() {
 #[test]
 fn command_lists_keep_their_resources_alive() {
     let gpu = support::open();
-    let readback = Buffer::new(&gpu, "readback", 256, Usage::Readback).expect("memory");
+    let readback = Buffer::new(&gpu, "readback", 256, BufferUsage::Readback).expect("memory");
     let mut commands = gpu.commands("orphans").expect("a command list");
     {
         let pipeline = affine(&gpu, 2);
@@ -65,7 +65,7 @@ fn command_lists_keep_their_resources_alive() {
 #[test]
 fn a_discarded_command_list_leaves_nothing() {
     let gpu = support::open();
-    let data = Buffer::new(&gpu, "data", 64, Usage::Device).expect("memory");
+    let data = Buffer::new(&gpu, "data", 64, BufferUsage::Device).expect("memory");
     for _ in 0..100 {
         let mut commands = gpu.commands("discarded").expect("a command list");
         commands.profile(true);
@@ -82,7 +82,7 @@ fn objects_may_outlive_the_device_handle() {
     let log = gpu.validation_log();
     let heap = Heap::new(&gpu, "heap", MIB).expect("a heap");
     let range = heap.alloc("range", 64, 16).expect("memory");
-    let upload = Buffer::new(&gpu, "upload", 64, Usage::Upload).expect("memory");
+    let upload = Buffer::new(&gpu, "upload", 64, BufferUsage::Upload).expect("memory");
     let pipeline = affine(&gpu, 1);
     busy(&gpu, range.address());
     drop(gpu);

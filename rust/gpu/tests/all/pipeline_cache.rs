@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use oocpt_gpu::{Buffer, Heap, OpenOptions, Usage};
+use oocpt_gpu::{Buffer, BufferUsage, Heap, OpenOptions};
 
 use crate::support::{self, affine, affine_push, finish, read_words};
 
@@ -31,7 +31,7 @@ impl Drop for Folder {
 fn render(folder: &Folder) {
     let gpu = support::open_with(&OpenOptions { pipeline_cache: Some(folder.0.clone()), ..support::options() });
     let pipeline = affine(&gpu, 3);
-    let data = Buffer::new(&gpu, "data", 256, Usage::Readback).expect("memory");
+    let data = Buffer::new(&gpu, "data", 256, BufferUsage::Readback).expect("memory");
     let mut commands = gpu.commands("work").expect("a command list");
     commands.fill(&data, 0, 256, 5);
     commands.dispatch(&pipeline, &affine_push(data.address(), data.address(), 64, 1), [1, 1, 1]);

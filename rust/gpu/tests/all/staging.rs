@@ -4,7 +4,7 @@
 use std::sync::mpsc;
 use std::time::Duration;
 
-use oocpt_gpu::{Buffer, GpuError, Heap, StagingRing, StagingSlice, Usage};
+use oocpt_gpu::{Buffer, BufferUsage, GpuError, Heap, StagingRing, StagingSlice};
 
 use crate::support::{self, finish};
 
@@ -35,7 +35,7 @@ fn bytes_of_many_threads_arrive_whole() {
             let (gpu, ring, heap) = (&*gpu, &ring, &heap);
             scope.spawn(move || {
                 let mut next = random(thread);
-                let readback = Buffer::new(gpu, "readback", LARGEST, Usage::Readback).expect("memory");
+                let readback = Buffer::new(gpu, "readback", LARGEST, BufferUsage::Readback).expect("memory");
                 for round in 0..40 {
                     let (bytes, align) = (4 * (1 + next(LARGEST / 4)), 4 << next(8));
                     let piece = thread * 1000 + round;
@@ -76,7 +76,7 @@ fn bytes_of_many_threads_arrive_whole() {
 fn unused_space_comes_back_at_once() {
     let gpu = support::open();
     let ring = StagingRing::new(&gpu, 1000).expect("a ring");
-    let target = Buffer::new(&gpu, "target", 1000, Usage::Device).expect("memory");
+    let target = Buffer::new(&gpu, "target", 1000, BufferUsage::Device).expect("memory");
     for _ in 0..10 {
         let slice = ring.try_reserve(1000, 256).expect("alive").expect("all is free");
         assert!(ring.try_reserve(1, 1).expect("alive").is_none(), "full");
@@ -129,7 +129,7 @@ fn slices_cross_threads_and_outlive_the_ring() {
     let mut slice: StagingSlice = sent(ring.reserve(64, 4).expect("free"));
     drop(ring);
     slice.bytes_mut().fill(5);
-    let readback = Buffer::new(&gpu, "readback", 64, Usage::Readback).expect("memory");
+    let readback = Buffer::new(&gpu, "readback", 64, BufferUsage::Readback).expect("memory");
     let mut commands = gpu.transfer_commands("late").expect("a command list");
     slice.copy_to(&mut commands, 0, &readback, 0, 64);
     drop(slice);
@@ -149,7 +149,7 @@ fn wrong_requests_are_refused() {
     }
     assert!(matches!(StagingRing::new(&gpu, 0), Err(GpuError::Usage { .. })), "an empty ring");
     let slice = ring.reserve(8, 4).expect("free");
-    let target = Buffer::new(&gpu, "target", 64, Usage::Device).expect("memory");
+    let target = Buffer::new(&gpu, "target", 64, BufferUsage::Device).expect("memory");
     let mut commands = gpu.transfer_commands("outside").expect("a command list");
     slice.copy_to(&mut commands, 4, &target, 0, 8);
     let error = commands.submit().expect_err("outside of the slice, though inside of the ring");

@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use oocpt_gpu::{Buffer, Heap, HeapRange, Pipeline, Submission, Usage};
+use oocpt_gpu::{Buffer, BufferUsage, Heap, HeapRange, Pipeline, Submission};
 
 use crate::support::{self, AFFINE, affine, affine_push, bytes, compile, finish, read_words};
 
@@ -19,7 +19,7 @@ fn public_types_cross_threads() {
     shared::<Submission>();
     shared::<oocpt_gpu::StagingRing>();
     sent::<oocpt_gpu::StagingSlice>();
-    sent::<oocpt_gpu::Commands>();
+    sent::<oocpt_gpu::CommandList>();
     let gpu = support::open();
     assert_eq!(Arc::strong_count(&gpu), 1, "nothing holds the device behind our back");
 }
@@ -33,7 +33,7 @@ fn threads_submit_at_once_and_do_not_disturb_each_other() {
         for thread in 0..4_u32 {
             let (gpu, pipeline, heap) = (&*gpu, &pipeline, &heap);
             scope.spawn(move || {
-                let readback = Buffer::new(gpu, "readback", 256, Usage::Readback).expect("memory");
+                let readback = Buffer::new(gpu, "readback", 256, BufferUsage::Readback).expect("memory");
                 for round in 0..30 {
                     let range = heap.alloc("range", 256, 256).expect("memory");
                     let mut commands = gpu.commands("thread").expect("a command list");
@@ -60,8 +60,8 @@ fn pipelines_are_made_by_several_threads() {
         let threads: Vec<_> = (0..8).map(|scale| scope.spawn(move || make(scale))).collect();
         threads.into_iter().map(|thread| thread.join().expect("no panic")).collect()
     });
-    let data = Buffer::new(&gpu, "data", 4 * 64 * 8, Usage::Readback).expect("memory");
-    let ones = Buffer::new(&gpu, "ones", 256, Usage::Upload).expect("memory");
+    let data = Buffer::new(&gpu, "data", 4 * 64 * 8, BufferUsage::Readback).expect("memory");
+    let ones = Buffer::new(&gpu, "ones", 256, BufferUsage::Upload).expect("memory");
     ones.write(0, &bytes(&[1; 64])).expect("fits");
     let mut commands = gpu.commands("each").expect("a command list");
     for (i, pipeline) in (0_u64..).zip(&pipelines) {

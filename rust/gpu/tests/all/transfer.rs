@@ -3,7 +3,7 @@
 
 use std::time::Duration;
 
-use oocpt_gpu::{Buffer, Gpu, GpuError, Heap, OpenOptions, Usage};
+use oocpt_gpu::{Buffer, BufferUsage, Gpu, GpuError, Heap, OpenOptions};
 
 use crate::support::{self, affine, affine_push, bytes, finish, read_words, spin, spin_push};
 
@@ -19,8 +19,8 @@ fn dispatches_see_transferred_data() {
         assert!(options.transfer_queue || !gpu.has_transfer_queue(), "switched off");
         let pipeline = affine(&gpu, 3);
         let heap = Heap::new(&gpu, "heap", 32 << 20).expect("a heap");
-        let readback = Buffer::new(&gpu, "readback", 256, Usage::Readback).expect("memory");
-        let upload = Buffer::new(&gpu, "upload", 4 << 20, Usage::Upload).expect("memory");
+        let readback = Buffer::new(&gpu, "readback", 256, BufferUsage::Readback).expect("memory");
+        let upload = Buffer::new(&gpu, "upload", 4 << 20, BufferUsage::Upload).expect("memory");
         for round in 0..8_u32 {
             upload.write((4 << 20) - 256, &bytes(&[round; 64])).expect("fits");
             let range = heap.alloc("range", 4 << 20, 256).expect("memory");
@@ -52,8 +52,8 @@ fn transfers_see_data_written_by_a_dispatch() {
     for options in both_ways() {
         let gpu = support::open_with(&options);
         let pipeline = spin(&gpu);
-        let data = Buffer::new(&gpu, "data", 64, Usage::Device).expect("memory");
-        let readback = Buffer::new(&gpu, "readback", 4, Usage::Readback).expect("memory");
+        let data = Buffer::new(&gpu, "data", 64, BufferUsage::Device).expect("memory");
+        let readback = Buffer::new(&gpu, "readback", 4, BufferUsage::Readback).expect("memory");
         let mut commands = gpu.commands("slow").expect("a command list");
         commands.fill(&data, 0, 64, 0);
         commands.dispatch(&pipeline, &spin_push(data.address(), support::LONG), [1, 1, 1]);
@@ -75,8 +75,8 @@ fn transfers_run_beside_a_long_dispatch() {
         return;
     }
     let pipeline = spin(&gpu);
-    let data = Buffer::new(&gpu, "data", 64, Usage::Device).expect("memory");
-    let readback = Buffer::new(&gpu, "readback", 64, Usage::Readback).expect("memory");
+    let data = Buffer::new(&gpu, "data", 64, BufferUsage::Device).expect("memory");
+    let readback = Buffer::new(&gpu, "readback", 64, BufferUsage::Readback).expect("memory");
     let mut commands = gpu.commands("long").expect("a command list");
     for _ in 0..20 {
         commands.dispatch(&pipeline, &spin_push(data.address(), support::LONG), [1, 1, 1]);
@@ -99,7 +99,7 @@ fn threads_submit_transfers_at_once() {
         for thread in 0..4_u32 {
             let (gpu, heap, pipeline) = (&*gpu, &heap, &pipeline);
             scope.spawn(move || {
-                let readback = Buffer::new(gpu, "readback", 256, Usage::Readback).expect("memory");
+                let readback = Buffer::new(gpu, "readback", 256, BufferUsage::Readback).expect("memory");
                 for round in 0..20 {
                     let range = heap.alloc("range", 256, 256).expect("memory");
                     let mut transfer = gpu.transfer_commands("bring").expect("a command list");
@@ -127,7 +127,7 @@ fn threads_submit_transfers_at_once() {
 #[test]
 fn waiting_for_idle_waits_for_transfers_too() {
     let gpu = support::open();
-    let data = Buffer::new(&gpu, "data", 32 << 20, Usage::Device).expect("memory");
+    let data = Buffer::new(&gpu, "data", 32 << 20, BufferUsage::Device).expect("memory");
     let transfers: Vec<_> = (0..8)
         .map(|value| {
             let mut transfer = gpu.transfer_commands("fill").expect("a command list");
@@ -144,7 +144,7 @@ fn waiting_for_idle_waits_for_transfers_too() {
 #[test]
 fn transfers_are_timed_if_their_queue_can() {
     let gpu = support::open_with(&OpenOptions { profile: true, ..support::options() });
-    let data = Buffer::new(&gpu, "data", 1 << 20, Usage::Device).expect("memory");
+    let data = Buffer::new(&gpu, "data", 1 << 20, BufferUsage::Device).expect("memory");
     let mut transfer = gpu.transfer_commands("timed").expect("a command list");
     transfer.span("all", |c| {
         c.fill(&data, 0, 1 << 20, 1);
@@ -165,7 +165,7 @@ fn transfers_are_timed_if_their_queue_can() {
 fn transfer_lists_refuse_dispatches_and_foreign_resources() {
     let gpu = support::open();
     let pipeline = affine(&gpu, 1);
-    let data = Buffer::new(&gpu, "data", 64, Usage::Readback).expect("memory");
+    let data = Buffer::new(&gpu, "data", 64, BufferUsage::Readback).expect("memory");
     data.write(0, &[7; 64]).expect("fits");
     for indirect in [false, true] {
         let mut transfer = gpu.transfer_commands("mistaken").expect("a command list");

@@ -8,8 +8,8 @@ use std::sync::Arc;
 
 use roxmltree::{Document, Node, ParsingOptions};
 
-use super::{Definition, Graph, GraphInput, GraphNode, InputDef, Source};
-use crate::value::{FileRef, Type, Value};
+use super::{GraphInput, GraphNode, InputDef, NodeDef, NodeGraph, PortSource};
+use crate::value::{FileRef, PortType, PortValue};
 
 /// Most nodes of a graph.
 const MAX_GRAPH_NODES: usize = 4096;
@@ -20,14 +20,14 @@ const MAX_INHERITANCE: usize = 8;
 
 /// What was read so far.
 #[derive(Default)]
-pub(super) struct Parser {
-    definitions: Vec<(Definition, Option<Arc<str>>)>,
-    graphs: HashMap<Arc<str>, Arc<Graph>>,
+pub(super) struct LibraryParser {
+    definitions: Vec<(NodeDef, Option<Arc<str>>)>,
+    graphs: HashMap<Arc<str>, Arc<NodeGraph>>,
     /// Graph by definition.
     implementations: HashMap<Arc<str>, Arc<str>>,
 }
 
-impl Parser {
+impl LibraryParser {
     /// Reads a file; what it names lies beside it.
     pub(super) fn file(&mut self, path: &Path, text: &str) -> Result<(), roxmltree::Error> {
         let text = &declared(text);
@@ -36,7 +36,8 @@ impl Parser {
         let folder = path.parent().unwrap_or(Path::new(""));
         for element in root.children().filter(Node::is_element) {
             let Some(name) = element.attribute("name") else { continue };
-            let file = Origin { folder, namespace: element.attribute("namespace").or(root.attribute("namespace")) };
+            let file =
+                ElementOrigin { folder, namespace: element.attribute("namespace").or(root.attribute("namespace")) };
             let name = file.qualified(name);
             let attribute = |key: &str| element.attribute(key).map(|text| file.qualified(text));
             match element.tag_name().name() {
@@ -58,9 +59,9 @@ impl Parser {
         Ok(())
     }
 
-    fn definition(&mut self, name: &str, element: Node<'_, '_>, file: &Origin<'_>) {
+    fn definition(&mut self, name: &str, element: Node<'_, '_>, file: &ElementOrigin<'_>) {
         let category = element.attribute("node").unwrap_or_default();
-        let mut definition = Definition {
+        let mut definition = NodeDef {
             name: name.into(),
             category: file.qualified(category),
             inputs: Vec::new(),
@@ -71,7 +72,7 @@ impl Parser {
         };
         for child in element.children().filter(Node::is_element) {
             let (Some(name), Some(type_name)) = (child.attribute("name"), child.attribute("type")) else { continue };
-            let ty = Type::named(type_name);
+            let ty = PortType::named(type_name);
             match child.tag_name().name() {
                 "input" => definition.inputs.push(InputDef {
                     name: name.into(),
@@ -87,7 +88,7 @@ impl Parser {
     }
 
     /// The definitions, with what they inherit and their graphs.
-    pub(super) fn finish(self) -> Vec<Definition> {
+    pub(super) fn finish(self) -> Vec<NodeDef> {
         let Self { definitions, graphs, implementations } = self;
         let by_name: HashMap<Arc<str>, usize> =
             definitions.iter().enumerate().map(|(at, (definition, _))| (Arc::clone(&definition.name), at)).collect();
@@ -135,12 +136,12 @@ pub(super) fn included(text: &str) -> Vec<String> {
 }
 
 /// Where elements come from.
-struct Origin<'a> {
+struct ElementOrigin<'a> {
     folder: &'a Path,
     namespace: Option<&'a str>,
 }
 
-impl Origin<'_> {
+impl ElementOrigin<'_> {
     /// A name in the namespace. One that says its own keeps it.
     fn qualified(&self, name: &str) -> Arc<str> {
         match self.namespace {
@@ -152,11 +153,11 @@ impl Origin<'_> {
     }
 
     /// The value of an input.
-    fn value(&self, ty: Type, text: &str, input: Node<'_, '_>) -> Option<Value> {
-        if ty != Type::File || text.is_empty() {
-            return Value::parse(ty, text);
+    fn value(&self, ty: PortType, text: &str, input: Node<'_, '_>) -> Option<PortValue> {
+        if ty != PortType::File || text.is_empty() {
+            return PortValue::parse(ty, text);
         }
-        Some(Value::File(FileRef {
+        Some(PortValue::File(FileRef {
             authored: text.into(),
             resolved: self.folder.join(text).to_string_lossy().into(),
             color_space: color_space(input),
@@ -173,7 +174,7 @@ fn color_space(element: Node<'_, '_>) -> Option<Arc<str>> {
 }
 
 /// A graph; connections to nodes that do not exist are left out.
-fn graph(element: Node<'_, '_>, file: &Origin<'_>) -> Graph {
+fn graph(element: Node<'_, '_>, file: &ElementOrigin<'_>) -> NodeGraph {
     let is_node = |child: &Node<'_, '_>| {
         child.is_element() && !matches!(child.tag_name().name(), "input" | "output" | "token" | "backdrop")
     };
@@ -181,21 +182,21 @@ fn graph(element: Node<'_, '_>, file: &Origin<'_>) -> Graph {
     let numbers: HashMap<&str, usize> =
         nodes.iter().enumerate().filter_map(|(at, node)| Some((node.attribute("name")?, at))).collect();
     let source = |child: Node<'_, '_>| {
-        let ty = Type::named(child.attribute("type").unwrap_or_default());
+        let ty = PortType::named(child.attribute("type").unwrap_or_default());
         if let Some(name) = child.attribute("interfacename") {
-            return Some(Source::Interface(name.into()));
+            return Some(PortSource::Interface(name.into()));
         }
         if let Some(name) = child.attribute("nodename") {
-            return Some(Source::Node(*numbers.get(name)?, child.attribute("output").unwrap_or_default().into()));
+            return Some(PortSource::Node(*numbers.get(name)?, child.attribute("output").unwrap_or_default().into()));
         }
-        Some(Source::Value(file.value(ty, child.attribute("value")?, child)?))
+        Some(PortSource::Value(file.value(ty, child.attribute("value")?, child)?))
     };
     let of_node = |node: &Node<'_, '_>| GraphNode {
         name: node.attribute("name").unwrap_or_default().into(),
         category: node.tag_name().name().into(),
         definition: node.attribute("nodedef").map(Into::into),
         namespace: node.attribute("namespace").or(file.namespace).map(Into::into),
-        ty: Type::named(node.attribute("type").unwrap_or_default()),
+        ty: PortType::named(node.attribute("type").unwrap_or_default()),
         type_name: node.attribute("type").unwrap_or_default().into(),
         inputs: node
             .children()
@@ -203,7 +204,7 @@ fn graph(element: Node<'_, '_>, file: &Origin<'_>) -> Graph {
             .filter_map(|child| {
                 Some(GraphInput {
                     name: child.attribute("name")?.into(),
-                    ty: Type::named(child.attribute("type").unwrap_or_default()),
+                    ty: PortType::named(child.attribute("type").unwrap_or_default()),
                     source: source(child)?,
                     color_space: if child.attribute("type") == Some("filename") { color_space(child) } else { None },
                 })
@@ -211,7 +212,7 @@ fn graph(element: Node<'_, '_>, file: &Origin<'_>) -> Graph {
             .collect(),
     };
     let outputs = element.children().filter(|child| child.is_element() && child.tag_name().name() == "output");
-    Graph {
+    NodeGraph {
         nodes: nodes.iter().map(of_node).collect(),
         outputs: outputs
             .filter_map(|child| {

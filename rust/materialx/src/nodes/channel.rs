@@ -5,11 +5,11 @@ use std::sync::Arc;
 
 use crate::expression::Val;
 use crate::program::Op;
-use crate::value::Type;
-use crate::walk::{At, Walker};
+use crate::value::PortType;
+use crate::walk::{NetworkWalker, NodeAddress};
 
-impl Walker<'_> {
-    pub(super) fn channel(&mut self, at: At, category: &str, ty: Type, output: &Arc<str>) -> Option<Val> {
+impl NetworkWalker<'_> {
+    pub(super) fn channel(&mut self, at: NodeAddress, category: &str, ty: PortType, output: &Arc<str>) -> Option<Val> {
         Some(match category {
             "extract" => {
                 let a = self.input_in(at);

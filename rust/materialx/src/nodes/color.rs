@@ -3,11 +3,11 @@
 
 use crate::expression::Val;
 use crate::program::Op;
-use crate::value::Type;
-use crate::walk::{At, Walker};
+use crate::value::PortType;
+use crate::walk::{NetworkWalker, NodeAddress};
 
-impl Walker<'_> {
-    pub(super) fn color(&mut self, at: At, category: &str, ty: Type) -> Option<Val> {
+impl NetworkWalker<'_> {
+    pub(super) fn color(&mut self, at: NodeAddress, category: &str, ty: PortType) -> Option<Val> {
         Some(match category {
             "rgbtohsv" | "hsvtorgb" => {
                 let a = self.input_in(at);
@@ -22,7 +22,7 @@ impl Walker<'_> {
                     0.0,
                 ]));
                 let sum = self.expressions.dot(a, weights, 3);
-                if ty == Type::Color4 { self.expressions.splice(sum, 3, a) } else { sum }
+                if ty == PortType::Color4 { self.expressions.splice(sum, 3, a) } else { sum }
             }
             "premult" => {
                 let a = self.input_in(at);
@@ -52,7 +52,7 @@ impl Walker<'_> {
 
     /// What `fg` and `bg` give, mixed into `bg` by `mix`.
     #[expect(clippy::too_many_lines, reason = "a line or two of algebra for each operation")]
-    fn composite(&mut self, at: At, category: &str) -> Option<Val> {
+    fn composite(&mut self, at: NodeAddress, category: &str) -> Option<Val> {
         if !matches!(
             category,
             "plus"
@@ -73,7 +73,7 @@ impl Walker<'_> {
         let (front, back) = (self.number_or(at, "fg", 0.0), self.number_or(at, "bg", 0.0));
         let share = self.number_or(at, "mix", 1.0);
         let e = &mut self.expressions;
-        let alphas = |e: &mut crate::expression::Expressions| [e.component(front, 3), e.component(back, 3)];
+        let alphas = |e: &mut crate::expression::ExpressionGraph| [e.component(front, 3), e.component(back, 3)];
         let whole = match category {
             "plus" => e.add(back, front),
             "minus" => e.subtract(back, front),

@@ -3,13 +3,13 @@
 
 use crate::expression::Val;
 use crate::program::Op;
-use crate::walk::{At, Walker};
+use crate::walk::{NetworkWalker, NodeAddress};
 
 /// Inputs of a switch.
 const SWITCH: [&str; 10] = ["in1", "in2", "in3", "in4", "in5", "in6", "in7", "in8", "in9", "in10"];
 
-impl Walker<'_> {
-    pub(super) fn flow(&mut self, at: At, category: &str) -> Option<Val> {
+impl NetworkWalker<'_> {
+    pub(super) fn flow(&mut self, at: NodeAddress, category: &str) -> Option<Val> {
         let compare = match category {
             "ifgreater" => Some(Op::Greater),
             "ifgreatereq" => Some(Op::GreaterEqual),
@@ -43,7 +43,7 @@ impl Walker<'_> {
     }
 
     /// in1 where the comparison holds, else in2; a comparison alone is 1 or 0.
-    fn condition(&mut self, at: At, op: Op) -> Val {
+    fn condition(&mut self, at: NodeAddress, op: Op) -> Val {
         let (a, b) = (self.number_or(at, "value1", 1.0), self.number_or(at, "value2", 0.0));
         let holds = self.expressions.binary(op, a, b);
         if let Some([holds, ..]) = holds.constant() {
@@ -62,7 +62,7 @@ impl Walker<'_> {
     }
 
     /// Input `which`, rounded down; 0 beyond the last.
-    fn switch(&mut self, at: At) -> Val {
+    fn switch(&mut self, at: NodeAddress) -> Val {
         let which = self.number_or(at, "which", 0.0);
         if let Some([which, ..]) = which.constant() {
             let found = SWITCH.iter().zip(0_u8..).find(|(_, at)| {

@@ -3,12 +3,12 @@
 
 use crate::expression::Val;
 use crate::program::{Geometry, Op};
-use crate::uses::Uses;
-use crate::value::Type;
-use crate::walk::{At, Walker};
+use crate::uses::MaterialUses;
+use crate::value::PortType;
+use crate::walk::{NetworkWalker, NodeAddress};
 
-impl Walker<'_> {
-    pub(super) fn geometric(&mut self, at: At, category: &str, ty: Type) -> Option<Val> {
+impl NetworkWalker<'_> {
+    pub(super) fn geometric(&mut self, at: NodeAddress, category: &str, ty: PortType) -> Option<Val> {
         Some(match category {
             "position" => self.by_space(at, Geometry::Position),
             "normal" => self.by_space(at, Geometry::Normal),
@@ -22,7 +22,7 @@ impl Walker<'_> {
             }
             "geomcolor" => {
                 let color = self.primvar("displayColor", [0.0, 0.0, 0.0, 1.0]);
-                if ty == Type::Float { self.expressions.component(color, 0) } else { color }
+                if ty == PortType::Float { self.expressions.component(color, 0) } else { color }
             }
             "geompropvalue" | "geompropvalueuniform" => self.named(at, "geomprop", "default", ty)?,
             "UsdPrimvarReader" => self.named(at, "varname", "fallback", ty)?,
@@ -45,7 +45,7 @@ impl Walker<'_> {
     }
 
     /// Whether a node goes from the world, and to it; the other space is the object's. `None`: it knows others.
-    fn spaces(&mut self, at: At) -> Option<[bool; 2]> {
+    fn spaces(&mut self, at: NodeAddress) -> Option<[bool; 2]> {
         let is_world = |walker: &mut Self, name: &str| match walker.text(at, name).as_deref() {
             Some("world") => Some(true),
             Some("object" | "model") => Some(false),
@@ -55,7 +55,7 @@ impl Walker<'_> {
     }
 
     /// A normal of the mesh's frame in the world, or the other way round; unit.
-    fn transformed_normal(&mut self, at: At) -> Val {
+    fn transformed_normal(&mut self, at: NodeAddress) -> Val {
         let normal = self.input_in(at);
         match self.spaces(at) {
             Some([false, true]) => return self.normal_of_object(normal),
@@ -74,12 +74,12 @@ impl Walker<'_> {
         e.normalize(vector, 3)
     }
 
-    fn by_space(&mut self, at: At, what: Geometry) -> Val {
+    fn by_space(&mut self, at: NodeAddress, what: Geometry) -> Val {
         let is_world = self.text(at, "space").as_deref() == Some("world");
         self.geometry(at, what, is_world)
     }
 
-    fn view_direction(&mut self, at: At) -> Val {
+    fn view_direction(&mut self, at: NodeAddress) -> Val {
         if self.is_displacing {
             let (category, path) = (self.category(at), self.path(at));
             self.problem(format!(
@@ -90,11 +90,11 @@ impl Walker<'_> {
     }
 
     /// The primvar that an input names.
-    fn named(&mut self, at: At, name: &str, fallback: &str, ty: Type) -> Option<Val> {
+    fn named(&mut self, at: NodeAddress, name: &str, fallback: &str, ty: PortType) -> Option<Val> {
         let Some(variable) = self.text(at, name).filter(|text| !text.is_empty()) else {
             return self.number(at, fallback);
         };
-        if ty == Type::Vector2 {
+        if ty == PortType::Vector2 {
             return Some(self.texcoord(&variable));
         }
         if ty.width() == 0 {
@@ -102,11 +102,11 @@ impl Walker<'_> {
         }
         let fallback = self.number_or(at, fallback, 0.0).constant().unwrap_or_default();
         let value = self.primvar(&variable, fallback);
-        Some(if ty == Type::Float { self.expressions.component(value, 0) } else { value })
+        Some(if ty == PortType::Float { self.expressions.component(value, 0) } else { value })
     }
 
     /// |V . N|, or 1 less it.
-    fn facing_ratio(&mut self, at: At) -> Val {
+    fn facing_ratio(&mut self, at: NodeAddress) -> Val {
         let is_said = self.is_said(at, "viewdirection");
         let toward = if is_said { self.number_or(at, "viewdirection", 0.0) } else { self.view_direction(at) };
         let normal = self.said_or(at, "normal", Geometry::Normal);
@@ -121,24 +121,24 @@ impl Walker<'_> {
     }
 
     /// What is said of an input, or what the surface has.
-    fn said_or(&mut self, at: At, name: &str, what: Geometry) -> Val {
+    fn said_or(&mut self, at: NodeAddress, name: &str, what: Geometry) -> Val {
         let said = if self.is_said(at, name) { self.number(at, name) } else { None };
         said.unwrap_or_else(|| self.expressions.geometry(what))
     }
 
     /// Whether a normal map is one of tangent space, about the surface's own normal and tangents.
-    pub(crate) fn is_of_own_tangents(&mut self, at: At) -> bool {
+    pub(crate) fn is_of_own_tangents(&mut self, at: NodeAddress) -> bool {
         !self.is_of_object(at) && self.is_own_frame(at)
     }
 
     /// Whether a normal map is one of the object's space, which `MaterialX` 1.38 has.
-    pub(crate) fn is_of_object(&mut self, at: At) -> bool {
+    pub(crate) fn is_of_object(&mut self, at: NodeAddress) -> bool {
         self.text(at, "space").as_deref() == Some("object")
     }
 
     /// What is said, or what the surface has; of a node of `MaterialX` 1.38, which has no such input, it is at right
     /// angles to what is said of the normal and the tangent.
-    fn bitangent(&mut self, at: At, normal: Val, tangent: Val) -> Val {
+    fn bitangent(&mut self, at: NodeAddress, normal: Val, tangent: Val) -> Val {
         let is_said = |name: &str| self.is_said(at, name);
         let is_free = is_said("normal") || is_said("tangent");
         if is_free && !is_said("bitangent") && self.is_older(at) && !self.is_own_frame(at) {
@@ -150,13 +150,13 @@ impl Walker<'_> {
     }
 
     /// Whether a normal is about the surface's own normal and tangents.
-    pub(crate) fn is_own_frame(&mut self, at: At) -> bool {
+    pub(crate) fn is_own_frame(&mut self, at: NodeAddress) -> bool {
         let own = [("normal", Geometry::Normal), ("tangent", Geometry::Tangent), ("bitangent", Geometry::Bitangent)];
         own.into_iter().all(|(name, what)| self.said_or(at, name, what) == self.expressions.geometry(what))
     }
 
     /// The vector that a normal map says, 2 x - 1, not normalised.
-    pub(crate) fn decoded_normal(&mut self, at: At) -> Val {
+    pub(crate) fn decoded_normal(&mut self, at: NodeAddress) -> Val {
         let mut value = self.number(at, "in").unwrap_or(Val::Constant([0.5, 0.5, 1.0, 0.0]));
         // Nothing is flat. Of texels it is not asked: a map would not be a texture of the surface any more.
         if value.is(0.0, 3) {
@@ -167,7 +167,7 @@ impl Walker<'_> {
     }
 
     /// The vector in the frame of the surface that a normal map says, not normalised.
-    pub(crate) fn tangent_space_normal(&mut self, at: At) -> Val {
+    pub(crate) fn tangent_space_normal(&mut self, at: NodeAddress) -> Val {
         let vector = self.decoded_normal(at);
         let scale = self.number_or(at, "scale", 1.0);
         let e = &mut self.expressions;
@@ -176,7 +176,7 @@ impl Walker<'_> {
     }
 
     /// In the world.
-    fn normal_map(&mut self, at: At) -> Val {
+    fn normal_map(&mut self, at: NodeAddress) -> Val {
         if self.is_of_object(at) {
             let vector = self.decoded_normal(at);
             return self.normal_of_object(vector);
@@ -185,8 +185,8 @@ impl Walker<'_> {
         self.in_world(at, local)
     }
 
-    /// A normal of the mesh's frame in the world, unit: by the map that [`Uses::OBJECT_FRAME`] says. Where a mesh is
-    /// displaced its own frame is the world.
+    /// A normal of the mesh's frame in the world, unit: by the map that [`MaterialUses::OBJECT_FRAME`] says. Where a
+    /// mesh is displaced its own frame is the world.
     pub(super) fn normal_of_object(&mut self, normal: Val) -> Val {
         if self.is_displacing {
             return self.expressions.normalize(normal, 3);
@@ -206,7 +206,7 @@ impl Walker<'_> {
     fn object_frame(&mut self) -> [Val; 3] {
         // The frame of the world, where there are too many primvars.
         let at_rest = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]];
-        let [x, y] = [0, 1].map(|k| self.primvar(Uses::OBJECT_FRAME[k], at_rest[k]));
+        let [x, y] = [0, 1].map(|k| self.primvar(MaterialUses::OBJECT_FRAME[k], at_rest[k]));
         let e = &mut self.expressions;
         // (a, b) is (x, y) / (|x| + |y| + |z|) above the plane z = 0; below it the four triangles are folded out.
         let [a, b] = [x, y].map(|axis| e.component(axis, 3));
@@ -226,7 +226,7 @@ impl Walker<'_> {
     }
 
     /// A vector in the frame of the surface, about the normal that a node says.
-    pub(super) fn in_world(&mut self, at: At, local: Val) -> Val {
+    pub(super) fn in_world(&mut self, at: NodeAddress, local: Val) -> Val {
         let normal = self.number(at, "normal").unwrap_or_else(|| self.expressions.geometry(Geometry::Normal));
         let tangent = self.said_or(at, "tangent", Geometry::Tangent);
         let bitangent = self.bitangent(at, normal, tangent);

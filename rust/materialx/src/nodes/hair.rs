@@ -3,10 +3,10 @@
 
 use crate::expression::Val;
 use crate::program::Op;
-use crate::walk::{At, Walker};
+use crate::walk::{NetworkWalker, NodeAddress};
 
-impl Walker<'_> {
-    pub(super) fn hair_node(&mut self, at: At, category: &str, output: &str) -> Option<Val> {
+impl NetworkWalker<'_> {
+    pub(super) fn hair_node(&mut self, at: NodeAddress, category: &str, output: &str) -> Option<Val> {
         Some(match category {
             "chiang_hair_roughness" => self.hair_roughness(at, output),
             "chiang_hair_absorption_from_color" => self.absorption_of_color(at),
@@ -24,7 +24,7 @@ impl Walker<'_> {
 
     /// Variance along the fibre and scale of the logistic across it (Chiang et al. 2016, eq. 7 and 8); TT and TRT are
     /// as much narrower and wider as is said (Marschner et al. 2003).
-    fn hair_roughness(&mut self, at: At, output: &str) -> Val {
+    fn hair_roughness(&mut self, at: NodeAddress, output: &str) -> Val {
         let scale = match output {
             "roughness_TT" => self.number_or(at, "scale_TT", 0.5),
             "roughness_TRT" => self.number_or(at, "scale_TRT", 2.0),
@@ -48,7 +48,7 @@ impl Walker<'_> {
     }
 
     /// (ln(color) / polynomial)^2 (Chiang et al. 2016, eq. 9).
-    fn absorption_of_color(&mut self, at: At) -> Val {
+    fn absorption_of_color(&mut self, at: NodeAddress) -> Val {
         let color = self.number_or(at, "color", 1.0);
         let across = self.number_or(at, "azimuthal_roughness", 0.2);
         let below = self.polynomial(across, &[0.245, 5.574, -10.73, 2.532, -0.215, 5.969]);
@@ -60,7 +60,7 @@ impl Walker<'_> {
     }
 
     /// Absorption of eumelanin and pheomelanin (d'Eon et al. 2011), by their colours, which are exp(-absorption).
-    fn absorption_of_melanin(&mut self, at: At) -> Val {
+    fn absorption_of_melanin(&mut self, at: NodeAddress) -> Val {
         let concentration = self.number_or(at, "melanin_concentration", 0.25);
         let redness = self.number_or(at, "melanin_redness", 0.5);
         let [dark, red] = [

@@ -8,8 +8,8 @@
 
 use crate::expression::{Expression, Val};
 use crate::program::{Geometry, Op};
-use crate::uses::Uses;
-use crate::walk::{At, Walker};
+use crate::uses::MaterialUses;
+use crate::walk::{NetworkWalker, NodeAddress};
 use std::collections::HashMap;
 
 /// Between the two places of a difference: two texels of a file of 2048.
@@ -17,9 +17,9 @@ const STEP: f32 = 1.0 / 1024.0;
 /// Of `MaterialX`: slopes as Sobel's filter has them.
 const SOBEL: f32 = 1.0 / 16.0;
 
-impl Walker<'_> {
+impl NetworkWalker<'_> {
     /// The vector in the frame of the surface that a height says, not normalised.
-    pub(crate) fn height_normal(&mut self, at: At, height: &str) -> Val {
+    pub(crate) fn height_normal(&mut self, at: NodeAddress, height: &str) -> Val {
         let height = self.number_or(at, height, 0.0);
         let scale = self.number_or(at, "scale", 1.0);
         let height = self.expressions.component(height, 0);
@@ -57,7 +57,8 @@ impl Walker<'_> {
     fn moved_leaf(&mut self, leaf: Val, immediate: u16, axis: usize, by: f32) -> Val {
         let is = |what: Geometry| immediate == what as u16;
         let slot = [Geometry::Primvar0, Geometry::Primvar1].into_iter().position(is);
-        let is_point = |slot: usize| self.uses.primvars.get(slot).is_some_and(|found| &*found.name == Uses::POSITION);
+        let is_point =
+            |slot: usize| self.uses.primvars.get(slot).is_some_and(|found| &*found.name == MaterialUses::POSITION);
         if is(Geometry::Uv0) || is(Geometry::Uv1) {
             let mut step = [0.0; 4];
             step[axis] = by;
@@ -89,7 +90,7 @@ impl Walker<'_> {
     }
 
     /// As a colour of a normal map.
-    pub(super) fn height_to_normal(&mut self, at: At) -> Val {
+    pub(super) fn height_to_normal(&mut self, at: NodeAddress) -> Val {
         let local = self.height_normal(at, "in");
         let e = &mut self.expressions;
         let unit = e.normalize(local, 3);
@@ -97,7 +98,7 @@ impl Walker<'_> {
     }
 
     /// In the world.
-    pub(super) fn bump(&mut self, at: At) -> Val {
+    pub(super) fn bump(&mut self, at: NodeAddress) -> Val {
         let local = self.height_normal(at, "height");
         self.in_world(at, local)
     }

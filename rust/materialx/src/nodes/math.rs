@@ -3,8 +3,8 @@
 
 use crate::expression::Val;
 use crate::program::Op;
-use crate::value::Type;
-use crate::walk::{At, Bound, Walker};
+use crate::value::PortType;
+use crate::walk::{BoundValue, NetworkWalker, NodeAddress};
 
 /// What the operation of one operand is.
 fn unary(category: &str) -> Option<Op> {
@@ -42,8 +42,8 @@ fn binary(category: &str) -> Option<Op> {
     })
 }
 
-impl Walker<'_> {
-    pub(super) fn math(&mut self, at: At, category: &str) -> Option<Val> {
+impl NetworkWalker<'_> {
+    pub(super) fn math(&mut self, at: NodeAddress, category: &str) -> Option<Val> {
         if let Some(op) = unary(category) {
             let a = self.input_in(at);
             return Some(self.expressions.unary(op, a));
@@ -101,7 +101,7 @@ impl Walker<'_> {
         })
     }
 
-    fn remap(&mut self, at: At) -> Val {
+    fn remap(&mut self, at: NodeAddress) -> Val {
         let a = self.input_in(at);
         let (in_low, in_high) = (self.number_or(at, "inlow", 0.0), self.number_or(at, "inhigh", 1.0));
         let (out_low, out_high) = (self.number_or(at, "outlow", 0.0), self.number_or(at, "outhigh", 1.0));
@@ -114,16 +114,16 @@ impl Walker<'_> {
 
     /// in times the matrix; a vector that is shorter than its rows goes on with 1, as a point does. Of matrices that
     /// are worked out by other nodes nothing is known: a line, and the vector as it is.
-    fn transform_matrix(&mut self, at: At) -> Val {
+    fn transform_matrix(&mut self, at: NodeAddress) -> Val {
         let a = self.input_in(at);
-        let Some(Bound::Matrix(rows)) = self.input(at, "mat") else {
+        let Some(BoundValue::Matrix(rows)) = self.input(at, "mat") else {
             let path = self.path(at);
             self.problem(format!("`transformmatrix` ({path}) changes nothing: its matrix is worked out by nodes"));
             return a;
         };
         let width = self.input_type(at, "in").width();
         let is_point = match self.input_type(at, "mat") {
-            Type::Matrix3 => width == 2,
+            PortType::Matrix3 => width == 2,
             _ => width == 3,
         };
         let e = &mut self.expressions;
@@ -142,7 +142,7 @@ impl Walker<'_> {
     }
 
     /// (c x + s y, -s x + c y).
-    fn rotate2d(&mut self, at: At) -> Val {
+    fn rotate2d(&mut self, at: NodeAddress) -> Val {
         let (a, amount) = (self.input_in(at), self.number_or(at, "amount", 0.0));
         let [sine, cosine] = self.turn(amount);
         let e = &mut self.expressions;
@@ -156,7 +156,7 @@ impl Walker<'_> {
     }
 
     /// Rodrigues' formula about -axis: `MaterialX`'s matrix is the transposed one.
-    fn rotate3d(&mut self, at: At) -> Val {
+    fn rotate3d(&mut self, at: NodeAddress) -> Val {
         let (a, amount) = (self.input_in(at), self.number_or(at, "amount", 0.0));
         let axis = self.number(at, "axis").unwrap_or(Val::Constant([0.0, 1.0, 0.0, 0.0]));
         let [sine, cosine] = self.turn(amount);

@@ -17,19 +17,25 @@ mod texture;
 use std::sync::Arc;
 
 use crate::expression::Val;
-use crate::value::Type;
-use crate::walk::{At, Bound, Walker};
+use crate::value::PortType;
+use crate::walk::{BoundValue, NetworkWalker, NodeAddress};
 
-impl Walker<'_> {
+impl NetworkWalker<'_> {
     /// The output of a node of `category`, whose type is `ty`; `None` where it is not one of these.
-    pub(crate) fn node(&mut self, at: At, category: &str, ty: Type, output: &Arc<str>) -> Option<Bound> {
+    pub(crate) fn node(
+        &mut self,
+        at: NodeAddress,
+        category: &str,
+        ty: PortType,
+        output: &Arc<str>,
+    ) -> Option<BoundValue> {
         if matches!(category, "dot" | "constant") {
             return self.input(at, if category == "dot" { "in" } else { "value" });
         }
-        self.value_node(at, category, ty, output).map(Bound::Number)
+        self.value_node(at, category, ty, output).map(BoundValue::Number)
     }
 
-    fn value_node(&mut self, at: At, category: &str, ty: Type, output: &Arc<str>) -> Option<Val> {
+    fn value_node(&mut self, at: NodeAddress, category: &str, ty: PortType, output: &Arc<str>) -> Option<Val> {
         if let Some(found) = self.math(at, category) {
             return Some(found);
         }
@@ -61,12 +67,12 @@ impl Walker<'_> {
     }
 
     /// `in`.
-    fn input_in(&mut self, at: At) -> Val {
+    fn input_in(&mut self, at: NodeAddress) -> Val {
         self.number_or(at, "in", 0.0)
     }
 
     /// `in1` and `in2`.
-    fn pair(&mut self, at: At) -> [Val; 2] {
+    fn pair(&mut self, at: NodeAddress) -> [Val; 2] {
         [self.number_or(at, "in1", 0.0), self.number_or(at, "in2", 0.0)]
     }
 }

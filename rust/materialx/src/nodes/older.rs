@@ -2,20 +2,20 @@
 //! Nodes of `MaterialX` 1.38 that 1.39 replaced. Files keep them, and the data libraries do not define them any more.
 
 use crate::expression::Val;
-use crate::value::Type;
-use crate::walk::{At, Walker};
+use crate::value::PortType;
+use crate::walk::{NetworkWalker, NodeAddress};
 
 /// What a swizzle takes for the number 0 and the number 1.
 const ZERO: u16 = 4;
 const ONE: u16 = 5;
 
-impl Walker<'_> {
+impl NetworkWalker<'_> {
     /// `swizzle_color3_float` and the like, which the network names by their definitions; `swizzle` in graphs, and
     /// where the data libraries are those of 1.38.
-    pub(super) fn older(&mut self, at: At, category: &str, ty: Type) -> Option<Val> {
+    pub(super) fn older(&mut self, at: NodeAddress, category: &str, ty: PortType) -> Option<Val> {
         let rest = category.strip_prefix("swizzle")?;
         let (from, to) = match rest.strip_prefix('_').and_then(|types| types.split_once('_')) {
-            Some((from, to)) => (Type::named(from).width(), Type::named(to).width()),
+            Some((from, to)) => (PortType::named(from).width(), PortType::named(to).width()),
             None if rest.is_empty() => (self.input_type(at, "in").width(), ty.width()),
             None => return None,
         };

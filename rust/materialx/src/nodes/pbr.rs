@@ -3,13 +3,13 @@
 
 use crate::expression::Val;
 use crate::program::Op;
-use crate::walk::{At, Walker};
+use crate::walk::{NetworkWalker, NodeAddress};
 
 /// Least square of a roughness.
 const LEAST: f32 = 1.0e-8;
 
-impl Walker<'_> {
-    pub(super) fn pbr(&mut self, at: At, category: &str, output: &str) -> Option<Val> {
+impl NetworkWalker<'_> {
+    pub(super) fn pbr(&mut self, at: NodeAddress, category: &str, output: &str) -> Option<Val> {
         Some(match category {
             "roughness_anisotropy" => {
                 let roughness = self.number_or(at, "roughness", 0.0);
@@ -43,12 +43,12 @@ impl Walker<'_> {
 
     /// The colour of a black body in linear Rec. 709 for a luminance of 1, from 1667 to 25 000 K: cubic splines of its
     /// chromaticity (Kim et al. 2002, US patent 7024034), as `MaterialX` has them.
-    fn blackbody(&mut self, at: At) -> Val {
+    fn blackbody(&mut self, at: NodeAddress) -> Val {
         let kelvin = self.number_or(at, "temperature", 5000.0);
         let e = &mut self.expressions;
         let kelvin = e.op(Op::Clamp, [kelvin, Val::number(1667.0), Val::number(25_000.0)], 0);
         let t = e.divide(Val::number(1000.0), kelvin);
-        let cubic = |e: &mut crate::expression::Expressions, x: Val, [a, b, c, d]: [f32; 4]| {
+        let cubic = |e: &mut crate::expression::ExpressionGraph, x: Val, [a, b, c, d]: [f32; 4]| {
             let first = e.op(Op::MultiplyAdd, [Val::number(a), x, Val::number(b)], 0);
             let second = e.op(Op::MultiplyAdd, [first, x, Val::number(c)], 0);
             e.op(Op::MultiplyAdd, [second, x, Val::number(d)], 0)
@@ -77,12 +77,12 @@ impl Walker<'_> {
 
     /// Index and extinction of a metal from its reflectance at normal incidence and at the edge (Gulbrandsen 2014,
     /// "Artist Friendly Metallic Fresnel").
-    fn artistic_ior(&mut self, at: At, is_extinction: bool) -> Val {
+    fn artistic_ior(&mut self, at: NodeAddress, is_extinction: bool) -> Val {
         let (reflectivity, edge) = (self.number_or(at, "reflectivity", 0.8), self.number_or(at, "edge_color", 1.0));
         let e = &mut self.expressions;
         let r = e.op(Op::Clamp, [reflectivity, Val::ZERO, Val::number(0.99)], 0);
         let root = e.unary(Op::Sqrt, r);
-        let ratio = |e: &mut crate::expression::Expressions, r: Val| {
+        let ratio = |e: &mut crate::expression::ExpressionGraph, r: Val| {
             let (less, more) = (e.complement(r), e.add(Val::ONE, r));
             (less, more)
         };

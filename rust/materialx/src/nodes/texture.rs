@@ -5,12 +5,18 @@ use std::sync::Arc;
 
 use crate::expression::Val;
 use crate::program::Op;
-use crate::uses::{AddressMode, Texture};
-use crate::value::{FileRef, Type};
-use crate::walk::{At, Bound, Walker};
+use crate::uses::{AddressMode, MaterialTexture};
+use crate::value::{FileRef, PortType};
+use crate::walk::{BoundValue, NetworkWalker, NodeAddress};
 
-impl Walker<'_> {
-    pub(super) fn texture_node(&mut self, at: At, category: &str, ty: Type, output: &Arc<str>) -> Option<Val> {
+impl NetworkWalker<'_> {
+    pub(super) fn texture_node(
+        &mut self,
+        at: NodeAddress,
+        category: &str,
+        ty: PortType,
+        output: &Arc<str>,
+    ) -> Option<Val> {
         match category {
             "image" => self.image(at, ty),
             "UsdUVTexture" => self.uv_texture(at, output),
@@ -25,16 +31,16 @@ impl Walker<'_> {
         }
     }
 
-    fn left_out(&mut self, at: At, what: &str) {
+    fn left_out(&mut self, at: NodeAddress, what: &str) {
         let (category, path) = (self.category(at), self.path(at));
         self.problem(format!("`{category}` ({path}) {what}"));
     }
 
     /// The file that an input names; a problem where there is none.
-    fn file(&mut self, at: At) -> Option<FileRef> {
+    fn file(&mut self, at: NodeAddress) -> Option<FileRef> {
         let found = match self.input(at, "file") {
-            Some(Bound::File(file)) => Some(file),
-            Some(Bound::Text(text)) if !text.is_empty() => {
+            Some(BoundValue::File(file)) => Some(file),
+            Some(BoundValue::Text(text)) if !text.is_empty() => {
                 Some(FileRef { resolved: Arc::clone(&text), authored: text, color_space: None, node: self.path(at) })
             }
             _ => None,
@@ -57,7 +63,7 @@ impl Walker<'_> {
         }
     }
 
-    fn image(&mut self, at: At, ty: Type) -> Option<Val> {
+    fn image(&mut self, at: NodeAddress, ty: PortType) -> Option<Val> {
         let fallback = self.number_or(at, "default", 0.0);
         let Some(file) = self.file(at) else { return Some(fallback) };
         let place = self.number_or(at, "texcoord", 0.0);
@@ -71,13 +77,13 @@ impl Walker<'_> {
         if ty.width() < 4 {
             constant[3] = 1.0;
         }
-        let texture = Texture { file, address, fallback: constant, has_border: true, auto_color_space: false };
+        let texture = MaterialTexture { file, address, fallback: constant, has_border: true, auto_color_space: false };
         let Some(lookup) = self.uses.lookup(&texture, place) else {
             self.problem("too many texture lookups".to_owned());
             return Some(fallback);
         };
         let texel = self.expressions.op(Op::Texture, [place, Val::ZERO, Val::ZERO], lookup);
-        let texel = if ty == Type::Float { self.expressions.component(texel, 0) } else { texel };
+        let texel = if ty == PortType::Float { self.expressions.component(texel, 0) } else { texel };
         if fallback.constant().is_some() {
             return Some(texel);
         }
@@ -103,7 +109,7 @@ impl Walker<'_> {
     }
 
     /// `texel * scale + bias`, then an output.
-    fn uv_texture(&mut self, at: At, output: &Arc<str>) -> Option<Val> {
+    fn uv_texture(&mut self, at: NodeAddress, output: &Arc<str>) -> Option<Val> {
         let fallback = self.number(at, "fallback").unwrap_or(Val::Constant([0.0, 0.0, 0.0, 1.0]));
         let channel = match &**output {
             "r" => Some(0),
@@ -127,7 +133,8 @@ impl Walker<'_> {
                     file.color_space = Some(space);
                 }
                 let constant = fallback.constant().unwrap_or_default();
-                let texture = Texture { file, address, fallback: constant, has_border: false, auto_color_space: true };
+                let texture =
+                    MaterialTexture { file, address, fallback: constant, has_border: false, auto_color_space: true };
                 let lookup = self.uses.lookup(&texture, place)?;
                 let texel = self.expressions.op(Op::Texture, [place, Val::ZERO, Val::ZERO], lookup);
                 let (scale, bias) = (self.number_or(at, "scale", 1.0), self.number_or(at, "bias", 0.0));

@@ -4,17 +4,17 @@
 
 use crate::expression::Val;
 use crate::program::Op;
-use crate::slab::Slab;
-use crate::walk::{At, Walker};
+use crate::slab::OpenPbrSlab;
+use crate::walk::{NetworkWalker, NodeAddress};
 
 /// Closures one within the other, at most.
 const MAX_CLOSURES: usize = 32;
 
-impl Walker<'_> {
-    pub(super) fn closures(&mut self, at: At) -> Option<Slab> {
+impl NetworkWalker<'_> {
+    pub(super) fn closures(&mut self, at: NodeAddress) -> Option<OpenPbrSlab> {
         let mut slab = match self.source_node(at, "bsdf") {
             Some(bsdf) => self.bsdf(bsdf, 0)?,
-            None => Slab::BLACK,
+            None => OpenPbrSlab::BLACK,
         };
         if let Some(edf) = self.source_node(at, "edf") {
             slab.emission = self.edf(edf, 0);
@@ -24,7 +24,7 @@ impl Walker<'_> {
     }
 
     /// A node may be read by many: it is worked out once, so the work is that of the nodes there are.
-    fn edf(&mut self, at: At, depth: usize) -> Val {
+    fn edf(&mut self, at: NodeAddress, depth: usize) -> Val {
         match self.emissions.get(&at) {
             Some(Some(known)) => return *known,
             Some(None) => {
@@ -40,7 +40,7 @@ impl Walker<'_> {
         found
     }
 
-    fn edf_of(&mut self, at: At, depth: usize) -> Val {
+    fn edf_of(&mut self, at: NodeAddress, depth: usize) -> Val {
         let category = self.category(at);
         match &*category {
             "uniform_edf" | "conical_edf" | "measured_edf" => self.number_or(at, "color", 1.0),
@@ -75,7 +75,7 @@ impl Walker<'_> {
         }
     }
 
-    fn bsdf(&mut self, at: At, depth: usize) -> Option<Slab> {
+    fn bsdf(&mut self, at: NodeAddress, depth: usize) -> Option<OpenPbrSlab> {
         self.once(at, depth > MAX_CLOSURES, |walker| walker.bsdf_of(at, depth))
     }
 
@@ -83,10 +83,10 @@ impl Walker<'_> {
     /// twice as long with each. `None` where it is part of itself or too deep.
     pub(super) fn once(
         &mut self,
-        at: At,
+        at: NodeAddress,
         is_too_deep: bool,
-        work: impl FnOnce(&mut Self) -> Option<Slab>,
-    ) -> Option<Slab> {
+        work: impl FnOnce(&mut Self) -> Option<OpenPbrSlab>,
+    ) -> Option<OpenPbrSlab> {
         match self.slabs.get(&at) {
             Some(Some(known)) => return *known,
             None if !is_too_deep => {}
@@ -102,7 +102,7 @@ impl Walker<'_> {
         found
     }
 
-    fn bsdf_of(&mut self, at: At, depth: usize) -> Option<Slab> {
+    fn bsdf_of(&mut self, at: NodeAddress, depth: usize) -> Option<OpenPbrSlab> {
         let category = self.category(at);
         if let Some(slab) = self.lobe(at, &category) {
             return Some(slab);
@@ -113,7 +113,7 @@ impl Walker<'_> {
         };
         match &*category {
             "layer" => {
-                let base = inner(self, "base").unwrap_or(Slab::BLACK);
+                let base = inner(self, "base").unwrap_or(OpenPbrSlab::BLACK);
                 if let Some(film) = self.source_node(at, "top").filter(|top| &*self.category(*top) == "thin_film_bsdf")
                 {
                     return Some(self.filmed(film, base));
@@ -124,8 +124,8 @@ impl Walker<'_> {
                 }
             }
             "mix" => {
-                let front = inner(self, "fg").unwrap_or(Slab::BLACK);
-                let back = inner(self, "bg").unwrap_or(Slab::BLACK);
+                let front = inner(self, "fg").unwrap_or(OpenPbrSlab::BLACK);
+                let back = inner(self, "bg").unwrap_or(OpenPbrSlab::BLACK);
                 let share = self.number_or(at, "mix", 0.0);
                 Some(self.mixed(at, back, front, share))
             }
@@ -151,18 +151,18 @@ impl Walker<'_> {
     }
 
     /// A film of `MaterialX` 1.38, which is a closure on top of others: 1.39 has it as inputs of those.
-    fn filmed(&mut self, film: At, base: Slab) -> Slab {
+    fn filmed(&mut self, film: NodeAddress, base: OpenPbrSlab) -> OpenPbrSlab {
         let thickness = self.number_or(film, "thickness", 550.0);
         let ior = self.number_or(film, "ior", 1.5);
         let weight = if thickness.is(0.0, 1) { Val::ZERO } else { Val::ONE };
-        Slab { film: weight, film_thickness: thickness, film_ior: ior, ..base }
+        OpenPbrSlab { film: weight, film_thickness: thickness, film_ior: ior, ..base }
     }
 
     /// A sheet of `MaterialX` 1.38, both sides of which have their own closures.
-    pub(super) fn thin_surface(&mut self, at: At) -> Option<Slab> {
+    pub(super) fn thin_surface(&mut self, at: NodeAddress) -> Option<OpenPbrSlab> {
         let mut slab = match self.source_node(at, "front_bsdf") {
             Some(bsdf) => self.bsdf(bsdf, 0)?,
-            None => Slab::BLACK,
+            None => OpenPbrSlab::BLACK,
         };
         if let Some(edf) = self.source_node(at, "front_edf") {
             slab.emission = self.edf(edf, 0);
@@ -181,43 +181,43 @@ impl Walker<'_> {
     }
 
     /// One lobe.
-    fn lobe(&mut self, at: At, category: &str) -> Option<Slab> {
+    fn lobe(&mut self, at: NodeAddress, category: &str) -> Option<OpenPbrSlab> {
         let weight = self.number_or(at, "weight", 1.0);
-        self.lobe_of(at, category, weight).map(|slab| Slab { weight, ..slab })
+        self.lobe_of(at, category, weight).map(|slab| OpenPbrSlab { weight, ..slab })
     }
 
-    fn lobe_of(&mut self, at: At, category: &str, weight: Val) -> Option<Slab> {
+    fn lobe_of(&mut self, at: NodeAddress, category: &str, weight: Val) -> Option<OpenPbrSlab> {
         let (roughness, ratio, turn) = self.lobe_roughness(at);
         let film_thickness = self.number_or(at, "thinfilm_thickness", 0.0);
-        let specular = Slab {
+        let specular = OpenPbrSlab {
             roughness,
             ratio,
             turn,
             film: if film_thickness.is(0.0, 1) { Val::ZERO } else { Val::ONE },
             film_thickness,
             film_ior: self.number_or(at, "thinfilm_ior", 1.5),
-            ..Slab::BLACK
+            ..OpenPbrSlab::BLACK
         };
         Some(match category {
-            "chiang_hair_bsdf" => Slab { hair: Some(self.hair(at)), ..Slab::BLACK },
+            "chiang_hair_bsdf" => OpenPbrSlab { hair: Some(self.hair(at)), ..OpenPbrSlab::BLACK },
             "oren_nayar_diffuse_bsdf" | "burley_diffuse_bsdf" | "subsurface_bsdf" | "translucent_bsdf" => {
                 let color = self.number_or(at, "color", 0.18);
                 let base_color = self.expressions.multiply(color, weight);
                 let is_rough = category == "oren_nayar_diffuse_bsdf";
                 let diffuse_roughness = if is_rough { self.number_or(at, "roughness", 0.0) } else { Val::ZERO };
-                Slab { base_color, diffuse_roughness, normal: self.normal(at, "normal"), ..Slab::BLACK }
+                OpenPbrSlab { base_color, diffuse_roughness, normal: self.normal(at, "normal"), ..OpenPbrSlab::BLACK }
             }
             "sheen_bsdf" => {
                 let color = self.number_or(at, "color", 1.0);
                 let fuzz = self.expressions.multiply(color, weight);
-                Slab { fuzz, fuzz_roughness: self.number_or(at, "roughness", 0.3), ..Slab::BLACK }
+                OpenPbrSlab { fuzz, fuzz_roughness: self.number_or(at, "roughness", 0.3), ..OpenPbrSlab::BLACK }
             }
             "dielectric_bsdf" => {
                 let mode = self.text(at, "scatter_mode");
                 let tint = self.number_or(at, "tint", 1.0);
                 let transmission = if matches!(mode.as_deref(), Some("T" | "RT")) { weight } else { Val::ZERO };
                 let reflects = mode.as_deref() != Some("T");
-                Slab {
+                OpenPbrSlab {
                     specular_weight: if reflects { weight } else { Val::ONE },
                     specular_color: if reflects && transmission == Val::ZERO { tint } else { Val::ONE },
                     transmission,
@@ -231,12 +231,12 @@ impl Walker<'_> {
                 let (index, extinction) = (self.number_or(at, "ior", 0.2), self.number_or(at, "extinction", 3.9));
                 let base_color = self.conductor(index, extinction);
                 let base_color = self.expressions.multiply(base_color, weight);
-                Slab { base_color, metalness: Val::ONE, specular_weight: Val::ONE, ..specular }
+                OpenPbrSlab { base_color, metalness: Val::ONE, specular_weight: Val::ONE, ..specular }
             }
             "generalized_schlick_bsdf" => {
                 let color = self.number_or(at, "color0", 1.0);
                 let base_color = self.expressions.multiply(color, weight);
-                Slab { base_color, metalness: Val::ONE, specular_weight: Val::ONE, ..specular }
+                OpenPbrSlab { base_color, metalness: Val::ONE, specular_weight: Val::ONE, ..specular }
             }
             _ => return None,
         })
@@ -244,7 +244,7 @@ impl Walker<'_> {
 
     /// Roughness, ratio and turn of the two alphas that a lobe has: the root of the root of the mean of their squares
     /// where they are known, else the root of their mean.
-    fn lobe_roughness(&mut self, at: At) -> (Val, Val, Val) {
+    fn lobe_roughness(&mut self, at: NodeAddress) -> (Val, Val, Val) {
         let alphas = self.number_or(at, "roughness", 0.05);
         if let Some([x, y, ..]) = alphas.constant()
             && x != y
@@ -271,17 +271,17 @@ impl Walker<'_> {
     }
 
     /// A layer over a slab: fuzz, the dielectric of the base, or a coat where there is one already.
-    fn layered(&mut self, at: At, top: &Slab, base: Slab) -> Slab {
+    fn layered(&mut self, at: NodeAddress, top: &OpenPbrSlab, base: OpenPbrSlab) -> OpenPbrSlab {
         if top.hair.is_some() || base.hair.is_some() {
-            return Slab { hair: self.shared_hair(at, &base, top, Val::ONE), ..base };
+            return OpenPbrSlab { hair: self.shared_hair(at, &base, top, Val::ONE), ..base };
         }
-        let base = Slab { weight: if top.weight == base.weight { base.weight } else { Val::ONE }, ..base };
+        let base = OpenPbrSlab { weight: if top.weight == base.weight { base.weight } else { Val::ONE }, ..base };
         if !top.fuzz.is(0.0, 3) {
-            return Slab { fuzz: top.fuzz, fuzz_roughness: top.fuzz_roughness, ..base };
+            return OpenPbrSlab { fuzz: top.fuzz, fuzz_roughness: top.fuzz_roughness, ..base };
         }
         let is_bare = base.specular_weight.is(0.0, 1) && base.metalness.is(0.0, 1) && base.transmission.is(0.0, 1);
         if is_bare {
-            return Slab {
+            return OpenPbrSlab {
                 specular_weight: top.specular_weight,
                 specular_color: top.specular_color,
                 roughness: top.roughness,
@@ -296,6 +296,6 @@ impl Walker<'_> {
             };
         }
         let (coat, coat_roughness, coat_ior) = (top.specular_weight, top.roughness, top.ior);
-        Slab { coat, coat_roughness, coat_ior, coat_ratio: top.ratio, coat_turn: top.turn, ..base }
+        OpenPbrSlab { coat, coat_roughness, coat_ior, coat_ratio: top.ratio, coat_turn: top.turn, ..base }
     }
 }

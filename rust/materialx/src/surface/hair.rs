@@ -1,24 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
 //! A fibre (`chiang_hair_bsdf`): what it says, mixtures of fibres, and where its numbers go among the inputs.
 
-use super::{DEFAULTS, Input, Lowered};
+use super::{DEFAULTS, Input, LoweredSurface};
 use crate::expression::Val;
 use crate::program::Op;
-use crate::slab::{Hair, Slab};
-use crate::uses::Uses;
-use crate::walk::{At, Walker};
+use crate::slab::{HairSlab, OpenPbrSlab};
+use crate::uses::MaterialUses;
+use crate::walk::{NetworkWalker, NodeAddress};
 use oocpt_abi::HAIR_BY_NORMAL;
 
-impl Hair {
+impl HairSlab {
     /// The same fibre, brighter or darker.
-    pub(super) fn multiplied(mut self, walker: &mut Walker<'_>, factor: Val) -> Self {
+    pub(super) fn multiplied(mut self, walker: &mut NetworkWalker<'_>, factor: Val) -> Self {
         self.tints = self.tints.map(|tint| walker.expressions.multiply(tint, factor));
         self
     }
 }
 
-impl Walker<'_> {
-    pub(super) fn hair(&mut self, at: At) -> Hair {
+impl NetworkWalker<'_> {
+    pub(super) fn hair(&mut self, at: NodeAddress) -> HairSlab {
         // A curve's own are what they should be: of a tube there is no other.
         for name in ["normal", "curve_direction"] {
             if self.is_said(at, name) {
@@ -26,7 +26,7 @@ impl Walker<'_> {
                 self.problem(format!("{path}: `{name}` of hair is that of the curve"));
             }
         }
-        Hair {
+        HairSlab {
             tints: ["tint_R", "tint_TT", "tint_TRT"].map(|name| self.number_or(at, name, 1.0)),
             ior: self.number_or(at, "ior", 1.55),
             roughnesses: [("roughness_R", 0.1), ("roughness_TT", 0.05), ("roughness_TRT", 0.2)]
@@ -38,7 +38,13 @@ impl Walker<'_> {
 
     /// Two slabs of which one is a fibre, or both: a mixture of fibres is the fibre of mixed numbers; of a fibre and
     /// something else the fibre is left.
-    pub(super) fn shared_hair(&mut self, at: At, back: &Slab, front: &Slab, share: Val) -> Option<Hair> {
+    pub(super) fn shared_hair(
+        &mut self,
+        at: NodeAddress,
+        back: &OpenPbrSlab,
+        front: &OpenPbrSlab,
+        share: Val,
+    ) -> Option<HairSlab> {
         match (back.hair, front.hair) {
             (Some(mut a), Some(mut b)) => {
                 let mut whole = a;
@@ -58,15 +64,15 @@ impl Walker<'_> {
 
     /// See [`Input`]: tints are colours of the slab, roughnesses and the tilt are packed where anisotropy and the film
     /// are.
-    pub(super) fn lower_hair(&mut self, slab: &Slab, hair: &Hair) -> Lowered {
-        let slot = self.uses.primvar(Uses::ACROSS, [HAIR_BY_NORMAL; 4]);
+    pub(super) fn lower_hair(&mut self, slab: &OpenPbrSlab, hair: &HairSlab) -> LoweredSurface {
+        let slot = self.uses.primvar(MaterialUses::ACROSS, [HAIR_BY_NORMAL; 4]);
         let across = match slot {
-            Some(_) => self.primvar(Uses::ACROSS, [HAIR_BY_NORMAL; 4]),
+            Some(_) => self.primvar(MaterialUses::ACROSS, [HAIR_BY_NORMAL; 4]),
             // Two other primvars are read: ribbons are seen as if they were tubes.
             None => Val::number(HAIR_BY_NORMAL),
         };
         let e = &mut self.expressions;
-        let parts = |e: &mut crate::expression::Expressions, val: Val| [0, 1].map(|k| e.component(val, k));
+        let parts = |e: &mut crate::expression::ExpressionGraph, val: Val| [0, 1].map(|k| e.component(val, k));
         let [of_r, of_tt, of_trt] = hair.roughnesses.map(|val| parts(e, val));
         // 0..1 is -pi / 2..pi / 2.
         let half_turn = [Val::number(std::f32::consts::PI), Val::number(-std::f32::consts::FRAC_PI_2)];
@@ -90,7 +96,7 @@ impl Walker<'_> {
         set(Input::Absorption, hair.absorption);
         set(Input::EmissiveColor, slab.emission);
         set(Input::Opacity, slab.opacity);
-        Lowered {
+        LoweredSurface {
             inputs,
             specular_workflow: false,
             opacity_threshold: slab.opacity_threshold,

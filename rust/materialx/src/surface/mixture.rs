@@ -7,16 +7,16 @@
 
 use crate::expression::Val;
 use crate::program::{Geometry, Op};
-use crate::slab::Slab;
-use crate::value::Type;
-use crate::walk::{At, Walker};
+use crate::slab::OpenPbrSlab;
+use crate::value::PortType;
+use crate::walk::{NetworkWalker, NodeAddress};
 
 /// How much more than 1 the weights of a sum may be: rounding.
 const WHOLE: f32 = 1.0001;
 
 /// Which lobes a slab may have.
 #[derive(Clone, Copy)]
-struct Lobes {
+struct SlabLobes {
     metal: bool,
     /// What is not metal.
     below: bool,
@@ -29,8 +29,8 @@ struct Lobes {
     fuzz: bool,
 }
 
-impl Lobes {
-    fn of(slab: &Slab) -> Self {
+impl SlabLobes {
+    fn of(slab: &OpenPbrSlab) -> Self {
         let metal = !slab.metalness.is(0.0, 1);
         let below = !slab.metalness.is(1.0, 1);
         let glass = below && !slab.transmission.is(0.0, 1);
@@ -61,7 +61,7 @@ impl Lobes {
 
 /// What of a slab differs from another.
 #[derive(Clone, Copy)]
-struct Differences {
+struct SlabDifferences {
     /// Of the diffuse lobe and metal.
     color: bool,
     /// Of metal and glass.
@@ -70,10 +70,10 @@ struct Differences {
     shape: bool,
 }
 
-impl Slab {
+impl OpenPbrSlab {
     /// What counts for a lobe that it does not have, as the other one has it: in a mixture it is that one's alone.
     fn borrowing(mut self, from: &Self) -> Self {
-        let own = Lobes::of(&self);
+        let own = SlabLobes::of(&self);
         let base = Self { normal: self.normal, emission: self.emission, opacity: self.opacity, ..*from };
         if !own.has_interface() {
             (self.roughness, self.ratio, self.turn) = (base.roughness, base.ratio, base.turn);
@@ -120,9 +120,9 @@ impl Slab {
         self
     }
 
-    fn differences(&self, other: &Self) -> Differences {
+    fn differences(&self, other: &Self) -> SlabDifferences {
         let (a, b) = (self, other);
-        Differences {
+        SlabDifferences {
             color: a.base_color != b.base_color
                 || a.subsurface != b.subsurface
                 || a.subsurface_color != b.subsurface_color,
@@ -140,7 +140,7 @@ impl Slab {
     /// of one product. What a layer takes from the ones below does not count.
     fn mixes_exactly(&self, other: &Self) -> bool {
         let (a, b) = (self, other);
-        let Differences { color, shares, shape } = a.differences(b);
+        let SlabDifferences { color, shares, shape } = a.differences(b);
         let weight = a.specular_weight != b.specular_weight;
         let coat = a.coat != b.coat;
         let coat_color = a.coat_color != b.coat_color;
@@ -159,7 +159,7 @@ impl Slab {
     }
 
     /// Its reflection and what it transmits, so much more of it.
-    pub(super) fn multiplied(mut self, walker: &mut Walker<'_>, factor: Val) -> Self {
+    pub(super) fn multiplied(mut self, walker: &mut NetworkWalker<'_>, factor: Val) -> Self {
         for color in [&mut self.base_color, &mut self.specular_weight, &mut self.fuzz, &mut self.subsurface_color] {
             *color = walker.expressions.multiply(*color, factor);
         }
@@ -168,22 +168,22 @@ impl Slab {
 }
 
 /// Two slabs with what counts only for lobes of the other one as that has it, and what counts for none the same.
-fn one_for_the_other(back: &Slab, front: &Slab) -> [Slab; 2] {
+fn one_for_the_other(back: &OpenPbrSlab, front: &OpenPbrSlab) -> [OpenPbrSlab; 2] {
     let back = back.borrowing(front);
     [back, front.borrowing(&back)]
 }
 
-impl Walker<'_> {
+impl NetworkWalker<'_> {
     /// A mixture of two surfaces or closures: `share` of the front.
-    pub(super) fn mixed(&mut self, at: At, back: Slab, front: Slab, share: Val) -> Slab {
+    pub(super) fn mixed(&mut self, at: NodeAddress, back: OpenPbrSlab, front: OpenPbrSlab, share: Val) -> OpenPbrSlab {
         let within = self.share_of_what_is_there(&back, &front, share);
         if back.hair.is_some() || front.hair.is_some() {
             let hair = self.shared_hair(at, &back, &front, share);
-            return Slab { hair, ..self.means([back, front], [share, within]) };
+            return OpenPbrSlab { hair, ..self.means([back, front], [share, within]) };
         }
         if back.thin_walled != front.thin_walled {
             let solid = if back.thin_walled { &front } else { &back };
-            if Lobes::of(solid).glass {
+            if SlabLobes::of(solid).glass {
                 let path = self.path(at);
                 self.problem(format!("{path}: a thin wall is mixed with solid glass: all of it is a thin wall"));
             }
@@ -202,7 +202,7 @@ impl Walker<'_> {
     }
 
     /// Of a hit, the surface is there: with opacities that differ that tells something of which it is.
-    fn share_of_what_is_there(&mut self, back: &Slab, front: &Slab, share: Val) -> Val {
+    fn share_of_what_is_there(&mut self, back: &OpenPbrSlab, front: &OpenPbrSlab, share: Val) -> Val {
         let is_chance = back.opacity_threshold == 0.0 && front.opacity_threshold == 0.0;
         if back.opacity == front.opacity || !is_chance {
             return share;
@@ -214,7 +214,7 @@ impl Walker<'_> {
     }
 
     /// The slab of mixed parameters.
-    fn means(&mut self, mut slabs: [Slab; 2], [share, within]: [Val; 2]) -> Slab {
+    fn means(&mut self, mut slabs: [OpenPbrSlab; 2], [share, within]: [Val; 2]) -> OpenPbrSlab {
         if self.choices > 0 {
             slabs = slabs.map(|slab| self.tinted(slab));
         }
@@ -228,8 +228,8 @@ impl Walker<'_> {
     }
 
     /// What is of the whole of a mixture, however the rest is found.
-    fn finish(&mut self, whole: Slab, [back, front]: [&Slab; 2], share: Val) -> Slab {
-        Slab {
+    fn finish(&mut self, whole: OpenPbrSlab, [back, front]: [&OpenPbrSlab; 2], share: Val) -> OpenPbrSlab {
+        OpenPbrSlab {
             opacity: self.expressions.mix(back.opacity, front.opacity, share),
             weight: self.expressions.mix(back.weight, front.weight, share),
             opacity_threshold: back.opacity_threshold.max(front.opacity_threshold),
@@ -239,7 +239,7 @@ impl Walker<'_> {
     }
 
     /// One of two slabs; emission and opacity are mixed.
-    fn chosen(&mut self, [back, front]: [Slab; 2], takes_front: Val, [share, within]: [Val; 2]) -> Slab {
+    fn chosen(&mut self, [back, front]: [OpenPbrSlab; 2], takes_front: Val, [share, within]: [Val; 2]) -> OpenPbrSlab {
         let [mut back, mut front] = [back, front].map(|slab| self.tinted(slab));
         let mut whole = back;
         let pairs: Vec<(Val, Val)> = back.values().into_iter().zip(front.values()).map(|(a, b)| (*a, *b)).collect();
@@ -251,10 +251,10 @@ impl Walker<'_> {
     }
 
     /// The same slab under a coat without a colour. A coat may be chosen by chance, and its tint is in what emits.
-    fn tinted(&mut self, slab: Slab) -> Slab {
+    fn tinted(&mut self, slab: OpenPbrSlab) -> OpenPbrSlab {
         let e = &mut self.expressions;
         let tint = e.mix(Val::ONE, slab.coat_color, slab.coat);
-        Slab {
+        OpenPbrSlab {
             base_color: e.multiply(slab.base_color, tint),
             subsurface_color: e.multiply(slab.subsurface_color, tint),
             emission: e.multiply(slab.emission, tint),
@@ -264,7 +264,7 @@ impl Walker<'_> {
     }
 
     /// A random number of the hit that no other choice of the material has; says where there is none left.
-    fn random(&mut self, at: At) -> Option<Val> {
+    fn random(&mut self, at: NodeAddress) -> Option<Val> {
         let Some(which) = Geometry::RANDOM.get(self.choices) else {
             let path = self.path(at);
             let most = Geometry::RANDOM.len() + 1;
@@ -276,7 +276,7 @@ impl Walker<'_> {
     }
 
     /// A sum of closures: colours add, the rest is the first's where it has any; or one of the two by its weight.
-    pub(super) fn added(&mut self, at: At, a: Slab, b: Slab) -> Slab {
+    pub(super) fn added(&mut self, at: NodeAddress, a: OpenPbrSlab, b: OpenPbrSlab) -> OpenPbrSlab {
         if let Some(chosen) = self.added_by_chance(at, &a, &b) {
             return chosen;
         }
@@ -297,13 +297,13 @@ impl Walker<'_> {
 
     /// a + b = p (a / p) + (1 - p) (b / (1 - p)), where p is a's share of the weights. `None` where one slab is both,
     /// or one of them would have to reflect more than all.
-    fn added_by_chance(&mut self, at: At, a: &Slab, b: &Slab) -> Option<Slab> {
+    fn added_by_chance(&mut self, at: NodeAddress, a: &OpenPbrSlab, b: &OpenPbrSlab) -> Option<OpenPbrSlab> {
         if a.hair.is_some() || b.hair.is_some() {
             return None;
         }
         let [mut one, mut other] = one_for_the_other(a, b);
         let is_one_slab = !one.differences(&other).shape && one.metalness == other.metalness;
-        let both = Lobes::of(a).has_some() && Lobes::of(b).has_some();
+        let both = SlabLobes::of(a).has_some() && SlabLobes::of(b).has_some();
         if is_one_slab || !both || a.weight.is(0.0, 1) || b.weight.is(0.0, 1) {
             return None;
         }
@@ -326,15 +326,15 @@ impl Walker<'_> {
             slab.transmission = self.expressions.multiply(slab.transmission, factor);
         }
         let takes_other = self.expressions.binary(Op::Greater, part, random);
-        Some(Slab { weight: sum, ..self.chosen([one, other], takes_other, [part, part]) })
+        Some(OpenPbrSlab { weight: sum, ..self.chosen([one, other], takes_other, [part, part]) })
     }
 
     /// `multiply`: a closure and a number or a colour.
-    pub(super) fn multiplied(&mut self, at: At, slab: Slab) -> Slab {
+    pub(super) fn multiplied(&mut self, at: NodeAddress, slab: OpenPbrSlab) -> OpenPbrSlab {
         let factor = self.number_or(at, "in2", 1.0);
         let hair = slab.hair.map(|hair| hair.multiplied(self, factor));
-        let is_number = self.input_type(at, "in2") == Type::Float;
+        let is_number = self.input_type(at, "in2") == PortType::Float;
         let weight = if is_number { self.expressions.multiply(slab.weight, factor) } else { slab.weight };
-        Slab { hair, weight, ..slab.multiplied(self, factor) }
+        OpenPbrSlab { hair, weight, ..slab.multiplied(self, factor) }
     }
 }

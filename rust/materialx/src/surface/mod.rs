@@ -19,15 +19,15 @@ pub use input::Input;
 
 use crate::expression::Val;
 use crate::program::{Geometry, Op};
-use crate::slab::Slab;
-use crate::walk::{At, Walker};
+use crate::slab::OpenPbrSlab;
+use crate::walk::{NetworkWalker, NodeAddress};
 
 /// Surface shaders one within the other, at most.
 const MAX_SHADERS: usize = 16;
 
 /// What the BSDF takes.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Lowered {
+pub(crate) struct LoweredSurface {
     pub(crate) inputs: [Val; Input::COUNT],
     pub(crate) specular_workflow: bool,
     pub(crate) opacity_threshold: f32,
@@ -36,19 +36,19 @@ pub(crate) struct Lowered {
     pub(crate) hair: bool,
 }
 
-impl Walker<'_> {
+impl NetworkWalker<'_> {
     /// The slab of the network's surface; `None` where it is no surface that is understood.
-    pub(crate) fn slab(&mut self) -> Option<Slab> {
+    pub(crate) fn slab(&mut self) -> Option<OpenPbrSlab> {
         let at = self.surface();
         self.shader(at, 0)
     }
 
     /// The slab of a surface shader, through graphs and mixtures of shaders.
-    fn shader(&mut self, at: At, depth: usize) -> Option<Slab> {
+    fn shader(&mut self, at: NodeAddress, depth: usize) -> Option<OpenPbrSlab> {
         self.once(at, depth > MAX_SHADERS, |walker| walker.shader_of(at, depth))
     }
 
-    fn shader_of(&mut self, at: At, depth: usize) -> Option<Slab> {
+    fn shader_of(&mut self, at: NodeAddress, depth: usize) -> Option<OpenPbrSlab> {
         let category = self.category(at);
         if let Some(slab) = self.model(at, &category) {
             return Some(slab);
@@ -75,9 +75,9 @@ impl Walker<'_> {
 
     /// The normal that an input says in the world, in the frame of the surface. It is turned to the surface's own side,
     /// as `MaterialX`'s closures turn it; 0 says nothing.
-    pub(crate) fn normal(&mut self, at: At, name: &str) -> Val {
+    pub(crate) fn normal(&mut self, at: NodeAddress, name: &str) -> Val {
         if !self.is_said(at, name) {
-            return Slab::BLACK.normal;
+            return OpenPbrSlab::BLACK.normal;
         }
         if let Some(source) = self.source_node(at, name) {
             match &*self.category(source) {
@@ -86,11 +86,11 @@ impl Walker<'_> {
                 _ => {}
             }
         }
-        let Some(normal) = self.number(at, name) else { return Slab::BLACK.normal };
+        let Some(normal) = self.number(at, name) else { return OpenPbrSlab::BLACK.normal };
         let e = &mut self.expressions;
         let own = e.geometry(Geometry::Normal);
         if normal == own || normal.is(0.0, 3) {
-            return Slab::BLACK.normal;
+            return OpenPbrSlab::BLACK.normal;
         }
         let frame = [e.geometry(Geometry::FrameX), e.geometry(Geometry::FrameY), own];
         let parts = frame.map(|axis| e.dot(normal, axis, 3));
@@ -102,9 +102,9 @@ impl Walker<'_> {
 
     /// The normal of a `UsdPreviewSurface`, which is told in the frame of the surface. A normal map of "object space"
     /// is how files of `MaterialX` 1.38 decode a map for it: `MaterialX` turns it into 2 x - 1, and no more.
-    pub(crate) fn preview_normal(&mut self, at: At) -> Val {
+    pub(crate) fn preview_normal(&mut self, at: NodeAddress) -> Val {
         if !self.is_said(at, "normal") {
-            return Slab::BLACK.normal;
+            return OpenPbrSlab::BLACK.normal;
         }
         if let Some(source) = self.source_node(at, "normal")
             && &*self.category(source) == "normalmap"
@@ -112,11 +112,11 @@ impl Walker<'_> {
         {
             return self.decoded_normal(source);
         }
-        self.number(at, "normal").filter(|normal| !normal.is(0.0, 3)).unwrap_or(Slab::BLACK.normal)
+        self.number(at, "normal").filter(|normal| !normal.is(0.0, 3)).unwrap_or(OpenPbrSlab::BLACK.normal)
     }
 
     /// The inputs that are several numbers: anisotropy, film, what is inside.
-    fn packed(&mut self, slab: &Slab) -> [Val; 3] {
+    fn packed(&mut self, slab: &OpenPbrSlab) -> [Val; 3] {
         if !slab.ratio.is(1.0, 1) || !slab.coat_ratio.is(1.0, 1) {
             // The tangent is that of the first set.
             self.texcoord("st");
@@ -130,7 +130,7 @@ impl Walker<'_> {
     }
 
     /// Colour of the base, emission, and roughness of the diffuse lobe.
-    fn base(&mut self, slab: &Slab) -> [Val; 3] {
+    fn base(&mut self, slab: &OpenPbrSlab) -> [Val; 3] {
         let e = &mut self.expressions;
         let scattered = e.complement(slab.metalness);
         let scattered = e.multiply(slab.subsurface, scattered);
@@ -142,7 +142,7 @@ impl Walker<'_> {
     }
 
     /// A slab as inputs of the BSDF.
-    pub(crate) fn lower(&mut self, slab: &Slab) -> Lowered {
+    pub(crate) fn lower(&mut self, slab: &OpenPbrSlab) -> LoweredSurface {
         if let Some(hair) = &slab.hair {
             return self.lower_hair(slab, hair);
         }
@@ -203,12 +203,12 @@ impl Walker<'_> {
         set(Input::Absorption, inside);
         set(Input::DiffuseRoughness, diffuse_roughness);
         let dispersive = slab.is_dispersive();
-        let Slab { opacity_threshold, thin_walled, .. } = *slab;
-        Lowered { inputs, specular_workflow, opacity_threshold, thin_walled, dispersive, hair: false }
+        let OpenPbrSlab { opacity_threshold, thin_walled, .. } = *slab;
+        LoweredSurface { inputs, specular_workflow, opacity_threshold, thin_walled, dispersive, hair: false }
     }
 
     /// Notes inputs that ask for what is not there: `(input, value where it asks for nothing, what)`.
-    pub(crate) fn leave_out(&mut self, at: At, asked: &[(&str, f32, &str)]) {
+    pub(crate) fn leave_out(&mut self, at: NodeAddress, asked: &[(&str, f32, &str)]) {
         let mut missing: Vec<&str> = Vec::new();
         for (name, nothing, what) in asked {
             let width = usize::from(self.input_type(at, name).width().max(1));

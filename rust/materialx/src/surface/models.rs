@@ -4,11 +4,11 @@
 
 use crate::expression::Val;
 use crate::program::Op;
-use crate::slab::Slab;
-use crate::walk::{At, Walker};
+use crate::slab::OpenPbrSlab;
+use crate::walk::{NetworkWalker, NodeAddress};
 
-impl Walker<'_> {
-    pub(super) fn model(&mut self, at: At, category: &str) -> Option<Slab> {
+impl NetworkWalker<'_> {
+    pub(super) fn model(&mut self, at: NodeAddress, category: &str) -> Option<OpenPbrSlab> {
         Some(match category {
             "open_pbr_surface" => self.open_pbr(at),
             "standard_surface" => self.standard_surface(at),
@@ -21,12 +21,12 @@ impl Walker<'_> {
     }
 
     /// The product of two inputs.
-    fn product(&mut self, at: At, [a, b]: [&str; 2]) -> Val {
+    fn product(&mut self, at: NodeAddress, [a, b]: [&str; 2]) -> Val {
         let (a, b) = (self.number_or(at, a, 1.0), self.number_or(at, b, 1.0));
         self.expressions.multiply(a, b)
     }
 
-    fn open_pbr(&mut self, at: At) -> Slab {
+    fn open_pbr(&mut self, at: NodeAddress) -> OpenPbrSlab {
         self.leave_out(at, &[("transmission_scatter", 0.0, "scattering inside")]);
         let scale = self.number_or(at, "transmission_dispersion_scale", 0.0);
         let abbe = self.number_or(at, "transmission_dispersion_abbe_number", 20.0);
@@ -38,7 +38,7 @@ impl Walker<'_> {
         let color = self.number_or(at, "transmission_color", 1.0);
         let (transmission_color, absorption) = self.inside(color, depth);
         let thickness = self.number_or(at, "thin_film_thickness", 0.5);
-        Slab {
+        OpenPbrSlab {
             base_color: self.product(at, ["base_weight", "base_color"]),
             metalness: self.number_or(at, "base_metalness", 0.0),
             specular_weight: self.number_or(at, "specular_weight", 1.0),
@@ -68,12 +68,12 @@ impl Walker<'_> {
             film_ior: self.number_or(at, "thin_film_ior", 1.4),
             diffuse_roughness: self.number_or(at, "base_diffuse_roughness", 0.0),
             thin_walled: self.is_set(at, "geometry_thin_walled"),
-            ..Slab::BLACK
+            ..OpenPbrSlab::BLACK
         }
     }
 
     /// Whether an input is a constant that is not 0.
-    fn is_set(&mut self, at: At, name: &str) -> bool {
+    fn is_set(&mut self, at: NodeAddress, name: &str) -> bool {
         self.is_said(at, name) && self.number_or(at, name, 0.0).constant().is_some_and(|value| value[0] != 0.0)
     }
 
@@ -94,7 +94,7 @@ impl Walker<'_> {
 
     /// Roughness and ratio of the alphas that `MaterialX`'s `roughness_anisotropy` gives: r^2 / a and r^2 a with
     /// a^2 = 1 - anisotropy.
-    fn aspect(&mut self, at: At, [roughness, anisotropy]: [&str; 2], default: f32) -> (Val, Val) {
+    fn aspect(&mut self, at: NodeAddress, [roughness, anisotropy]: [&str; 2], default: f32) -> (Val, Val) {
         let roughness = self.number_or(at, roughness, default);
         let anisotropy = self.number_or(at, anisotropy, 0.0);
         if anisotropy.is(0.0, 1) {
@@ -114,7 +114,7 @@ impl Walker<'_> {
     }
 
     /// The same of glTF (`KHR_materials_anisotropy`): alphas mix(r^2, 1, strength^2) and r^2.
-    fn gltf_anisotropy(&mut self, at: At) -> (Val, Val) {
+    fn gltf_anisotropy(&mut self, at: NodeAddress) -> (Val, Val) {
         let roughness = self.number_or(at, "roughness", 1.0);
         let strength = self.number_or(at, "anisotropy_strength", 0.0);
         if strength.is(0.0, 1) {
@@ -132,7 +132,7 @@ impl Walker<'_> {
         (whole, e.divide(across, along))
     }
 
-    fn standard_surface(&mut self, at: At) -> Slab {
+    fn standard_surface(&mut self, at: NodeAddress) -> OpenPbrSlab {
         self.leave_out(
             at,
             &[
@@ -150,7 +150,7 @@ impl Walker<'_> {
         let film_thickness = self.number_or(at, "thin_film_thickness", 0.0);
         // The Abbe number; 0 is none.
         let abbe = self.number_or(at, "transmission_dispersion", 0.0);
-        Slab {
+        OpenPbrSlab {
             base_color,
             metalness: self.number_or(at, "metalness", 0.0),
             specular_weight: self.number_or(at, "specular", 1.0),
@@ -182,7 +182,7 @@ impl Walker<'_> {
             film_ior: self.number_or(at, "thin_film_IOR", 1.5),
             diffuse_roughness: self.number_or(at, "diffuse_roughness", 0.0),
             thin_walled: self.is_set(at, "thin_walled"),
-            ..Slab::BLACK
+            ..OpenPbrSlab::BLACK
         }
     }
 
@@ -195,7 +195,7 @@ impl Walker<'_> {
         }
     }
 
-    fn gltf(&mut self, at: At) -> Slab {
+    fn gltf(&mut self, at: NodeAddress) -> OpenPbrSlab {
         // KHR_materials_dispersion has 20 / V.
         let dispersion = self.number_or(at, "dispersion", 0.0);
         let dispersion = self.expressions.multiply(dispersion, Val::number(0.05));
@@ -214,7 +214,7 @@ impl Walker<'_> {
         // In radians.
         let turn = self.number_or(at, "anisotropy_rotation", 0.0);
         let turn = self.expressions.multiply(turn, Val::number(0.5 * std::f32::consts::FRAC_1_PI));
-        Slab {
+        OpenPbrSlab {
             base_color: self.number_or(at, "base_color", 1.0),
             metalness: self.number_or(at, "metallic", 1.0),
             specular_weight: self.number_or(at, "specular", 1.0),
@@ -240,12 +240,12 @@ impl Walker<'_> {
             opacity: if mode >= 1.5 || is_mask && cutoff > 0.0 { self.number_or(at, "alpha", 1.0) } else { Val::ONE },
             opacity_threshold: if is_mask { cutoff.max(0.0) } else { 0.0 },
             normal: self.normal(at, "normal"),
-            ..Slab::BLACK
+            ..OpenPbrSlab::BLACK
         }
     }
 
     /// Burley (2012, 2015); its flatness, diffuse transmission and tints are left out.
-    fn disney(&mut self, at: At) -> Slab {
+    fn disney(&mut self, at: NodeAddress) -> OpenPbrSlab {
         self.leave_out(
             at,
             &[
@@ -268,7 +268,7 @@ impl Walker<'_> {
         let ior = self.number_or(at, "ior", 1.5);
         let transmission = self.number_or(at, "specTrans", 0.0);
         let (roughness, ratio) = self.aspect(at, ["roughness", "anisotropic"], 0.5);
-        Slab {
+        OpenPbrSlab {
             base_color: color,
             metalness: self.number_or(at, "metallic", 0.0),
             specular_weight: if transmission.is(0.0, 1) { specular_weight } else { Val::ONE },
@@ -287,11 +287,11 @@ impl Walker<'_> {
             coat_ior: Val::number(1.5),
             fuzz: self.number_or(at, "sheen", 0.0),
             normal: self.normal(at, "normal"),
-            ..Slab::BLACK
+            ..OpenPbrSlab::BLACK
         }
     }
 
-    fn preview_surface(&mut self, at: At) -> Slab {
+    fn preview_surface(&mut self, at: NodeAddress) -> OpenPbrSlab {
         let threshold = self.number_or(at, "opacityThreshold", 0.0).constant().map_or(0.0, |value| value[0]);
         let workflow = self.number_or(at, "useSpecularWorkflow", 0.0);
         let is_specular = !workflow.is(0.0, 1);
@@ -300,7 +300,7 @@ impl Walker<'_> {
         let is_presence = threshold > 0.0 || !self.number_or(at, "opacityMode", 0.0).is(0.0, 1);
         let specular = self.number_or(at, "specularColor", 0.0);
         let transmission = if is_presence { Val::ZERO } else { self.expressions.complement(opacity) };
-        let slab = Slab {
+        let slab = OpenPbrSlab {
             base_color: self.number_or(at, "diffuseColor", 0.18),
             metalness: if is_specular { Val::ZERO } else { self.number_or(at, "metallic", 0.0) },
             specular_weight: Val::ONE,
@@ -314,7 +314,7 @@ impl Walker<'_> {
             opacity: if is_presence { opacity } else { Val::ONE },
             opacity_threshold: threshold.max(0.0),
             normal: self.preview_normal(at),
-            ..Slab::BLACK
+            ..OpenPbrSlab::BLACK
         };
         if !is_specular {
             return slab;
@@ -324,15 +324,15 @@ impl Walker<'_> {
         let (above, below) = (e.subtract(slab.ior, Val::ONE), e.add(slab.ior, Val::ONE));
         let root = e.divide(above, below);
         let reflectance = e.multiply(root, root);
-        Slab { specular_color: e.divide(specular, reflectance), ..slab }
+        OpenPbrSlab { specular_color: e.divide(specular, reflectance), ..slab }
     }
 
-    fn unlit(&mut self, at: At) -> Slab {
-        Slab {
+    fn unlit(&mut self, at: NodeAddress) -> OpenPbrSlab {
+        OpenPbrSlab {
             emission: self.product(at, ["emission", "emission_color"]),
             opacity: self.number_or(at, "opacity", 1.0),
             ior: Val::ONE,
-            ..Slab::BLACK
+            ..OpenPbrSlab::BLACK
         }
     }
 }

@@ -4,11 +4,11 @@
 use std::fs;
 use std::path::PathBuf;
 
-use oocpt_materialx::library::{Library, MAX_FILE_BYTES};
-use oocpt_materialx::network::{Network, Node};
+use oocpt_materialx::library::{MAX_FILE_BYTES, NodeLibrary};
+use oocpt_materialx::network::{Network, NetworkNode};
 use oocpt_materialx::surface::Input;
-use oocpt_materialx::value::Value;
-use oocpt_materialx::{InputSource, Translation, translate};
+use oocpt_materialx::value::PortValue;
+use oocpt_materialx::{InputSource, TranslatedNetwork, translate};
 
 use crate::support::{file, node, source, vector};
 
@@ -32,8 +32,8 @@ impl Folder {
         Self(folder)
     }
 
-    fn library(&self) -> Library {
-        Library::read_with(&[standard()], std::slice::from_ref(&self.0))
+    fn library(&self) -> NodeLibrary {
+        NodeLibrary::read_with(&[standard()], std::slice::from_ref(&self.0))
     }
 }
 
@@ -44,18 +44,18 @@ impl Drop for Folder {
     }
 }
 
-fn translated_with(library: &Library, nodes: Vec<Node>) -> Translation {
+fn translated_with(library: &NodeLibrary, nodes: Vec<NetworkNode>) -> TranslatedNetwork {
     translate(&Network { nodes, ..Network::default() }, library)
 }
 
 /// The base colour that a node of this kind gives.
-fn color_of(library: &Library, kind: &str, values: &[(&str, Value)], output: &str) -> Translation {
-    let mut surface = node("ND_standard_surface_surfaceshader", &[("base", Value::Numbers([1.0; 4]))], &[]);
+fn color_of(library: &NodeLibrary, kind: &str, values: &[(&str, PortValue)], output: &str) -> TranslatedNetwork {
+    let mut surface = node("ND_standard_surface_surfaceshader", &[("base", PortValue::Numbers([1.0; 4]))], &[]);
     surface.connections.push(("base_color".into(), 1, output.into()));
     translated_with(library, vec![surface, node(kind, values, &[])])
 }
 
-fn color(translation: &Translation) -> [f32; 3] {
+fn color(translation: &TranslatedNetwork) -> [f32; 3] {
     match source(translation, Input::DiffuseColor) {
         InputSource::Constant([r, g, b, _]) => [r, g, b],
         other => panic!("{other:?}"),
@@ -236,7 +236,7 @@ fn irregular_files_are_not_opened() {
     std::os::unix::fs::symlink(&folder.0, folder.0.join("again")).expect("a folder in itself");
     let large = fs::File::create(folder.0.join("large.mtlx")).expect("a file");
     large.set_len(MAX_FILE_BYTES + 1).expect("a long one");
-    let library = Library::read(std::slice::from_ref(&folder.0));
+    let library = NodeLibrary::read(std::slice::from_ref(&folder.0));
     let words = library.problems().join("\n");
     for (name, why) in [("pipe.mtlx", "a pipe"), ("zero.mtlx", "a device"), ("large.mtlx", "has more than")] {
         assert!(words.lines().any(|line| line.contains(name) && line.contains(why)), "{name}: {words}");

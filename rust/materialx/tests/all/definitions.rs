@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Every definition of `MaterialX`'s libraries, and nodes with known values.
 
-use oocpt_materialx::library::Library;
+use oocpt_materialx::library::NodeLibrary;
 use oocpt_materialx::surface::Input;
-use oocpt_materialx::value::{Type, Value};
+use oocpt_materialx::value::{PortType, PortValue};
 
 use crate::support::{library, node, number, of_node, source, text, translated, vector};
 
@@ -17,7 +17,7 @@ fn all_patterns_of_the_libraries_are_known() {
     let mut count = 0;
     for definition in library().definitions() {
         let is_number = definition.outputs.first().is_some_and(|(_, ty, _)| ty.width() > 0);
-        let takes_closures = definition.inputs.iter().any(|input| input.ty == Type::Other);
+        let takes_closures = definition.inputs.iter().any(|input| input.ty == PortType::Other);
         if !is_number || takes_closures {
             continue;
         }
@@ -50,7 +50,7 @@ fn each_malformed_library_file_is_a_problem() {
         ("b", "no"),
         ("c", "<materialx><nodedef/><nodegraph name='g'><add/></nodegraph></materialx>"),
     ];
-    let library = Library::parse(&files.map(|(name, text)| (name.to_owned(), text.to_owned())));
+    let library = NodeLibrary::parse(&files.map(|(name, text)| (name.to_owned(), text.to_owned())));
     assert_eq!(library.problems().len(), 2, "{:?}", library.problems());
     assert!(library.definitions().next().is_none_or(|definition| definition.name.is_empty()), "nothing is defined");
 }
@@ -62,7 +62,7 @@ fn near(value: [f32; 4], expected: &[f32]) -> bool {
 /// What nodes give by the specification, worked out by hand at (u, v) = (0.3, 0.6).
 #[test]
 fn nodes_give_the_values_of_the_specification() {
-    type Case<'a> = (&'a str, &'a [(&'a str, Value)], &'a [f32]);
+    type Case<'a> = (&'a str, &'a [(&'a str, PortValue)], &'a [f32]);
     let cases: &[Case<'_>] = &[
         ("ND_add_color3FA", &[("in1", vector(0.1, 0.2, 0.3)), ("in2", number(0.5))], &[0.6, 0.7, 0.8]),
         ("ND_modulo_float", &[("in1", number(-0.25)), ("in2", number(1.0))], &[0.75]),
@@ -107,7 +107,10 @@ fn nodes_give_the_values_of_the_specification() {
             "ND_transformmatrix_vector3",
             &[
                 ("in", vector(1.0, 2.0, 3.0)),
-                ("mat", Value::Matrix([[1.0, 4.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0; 4]])),
+                (
+                    "mat",
+                    PortValue::Matrix([[1.0, 4.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0; 4]]),
+                ),
             ],
             &[1.0, 6.0, 3.0],
         ),
@@ -122,7 +125,7 @@ fn nodes_give_the_values_of_the_specification() {
 
 #[test]
 fn nodes_of_materialx_1_38_are_known() {
-    let from = || ("in", Value::Numbers([0.1, 0.2, 0.3, 0.4]));
+    let from = || ("in", PortValue::Numbers([0.1, 0.2, 0.3, 0.4]));
     let cases: &[(&str, &str, &[f32])] = &[
         ("ND_swizzle_color3_float", "b", &[0.3; 4]),
         ("ND_swizzle_color4_float", "a", &[0.4; 4]),

@@ -3,10 +3,10 @@
 //! that nobody means.
 
 use oocpt_materialx::eval::{run, run_numbered};
-use oocpt_materialx::network::{Network, Node};
-use oocpt_materialx::program::{Geometry, Lookup, MAX_CONSTANTS, MAX_INSTRUCTIONS, MAX_LOOKUPS, REGISTERS};
-use oocpt_materialx::uses::Uses;
-use oocpt_materialx::{Displacement, Offset, channels, translate_displacement};
+use oocpt_materialx::network::{Network, NetworkNode};
+use oocpt_materialx::program::{Geometry, MAX_CONSTANTS, MAX_INSTRUCTIONS, MAX_LOOKUPS, ProgramLookup, REGISTERS};
+use oocpt_materialx::uses::MaterialUses;
+use oocpt_materialx::{DisplacementOffset, DisplacementProgram, channels, translate_displacement};
 use proptest::prelude::*;
 
 use crate::hostile::{any_node, networks};
@@ -18,20 +18,20 @@ const MIX: &str = "ND_mix_displacementshader";
 const DOT: &str = "ND_dot_displacementshader";
 
 /// Of the network's first node.
-fn translated(nodes: Vec<Node>) -> (Option<Displacement>, Vec<String>) {
+fn translated(nodes: Vec<NetworkNode>) -> (Option<DisplacementProgram>, Vec<String>) {
     translate_displacement(&Network { nodes, surface: usize::MAX, displacement: Some(0) }, library())
 }
 
-fn sound(nodes: Vec<Node>) -> Displacement {
+fn sound(nodes: Vec<NetworkNode>) -> DisplacementProgram {
     let (found, problems) = translated(nodes);
     assert_eq!(problems, Vec::<String>::new(), "a sound network has no problem");
     found.expect("it moves something")
 }
 
-fn value(found: &Displacement, surface: impl Fn(Geometry) -> [f32; 4]) -> [f32; 4] {
+fn value(found: &DisplacementProgram, surface: impl Fn(Geometry) -> [f32; 4]) -> [f32; 4] {
     match found.offset {
-        Offset::Constant(value) => value,
-        Offset::Register(register) => run(&found.program, surface, |_, _| [0.5; 4])[usize::from(register)],
+        DisplacementOffset::Constant(value) => value,
+        DisplacementOffset::Register(register) => run(&found.program, surface, |_, _| [0.5; 4])[usize::from(register)],
     }
 }
 
@@ -49,11 +49,18 @@ fn constant_displacement_is_folded() {
         let (found, problems) = translated(nodes);
         assert!(problems.is_empty(), "{problems:?}");
         let offset = found.as_ref().map(|found| found.offset);
-        assert_eq!(offset, (expected != 0.0).then_some(Offset::Constant([expected; 4])), "what is 0 moves nothing");
-        assert!(found.is_none_or(|found| !found.is_vector && found.uses == Uses::default() && !found.has_tangents()));
+        assert_eq!(
+            offset,
+            (expected != 0.0).then_some(DisplacementOffset::Constant([expected; 4])),
+            "what is 0 moves nothing"
+        );
+        assert!(
+            found
+                .is_none_or(|found| !found.is_vector && found.uses == MaterialUses::default() && !found.has_tangents())
+        );
     }
     let found = sound(vec![node(VECTOR, &[("displacement", vector(1.0, -2.0, 3.0)), ("scale", number(0.5))], &[])]);
-    let Offset::Constant([x, y, z, _]) = found.offset else { panic!("{found:?}") };
+    let DisplacementOffset::Constant([x, y, z, _]) = found.offset else { panic!("{found:?}") };
     assert_eq!(([x, y, z], found.is_vector, found.program.instructions.len()), ([0.5, -1.0, 1.5], true, 0));
     assert_eq!(found.uses.uv_sets, ["st".into()], "tangents follow the first set");
 }
@@ -87,10 +94,10 @@ fn mixed_displacements_interpolate_and_scalars_follow_the_normal() {
     let mix = |share: f32| node(MIX, &[("mix", number(share))], &sides);
     let found =
         sound(vec![mix(0.25), node(FLOAT, std::slice::from_ref(&a), &[]), node(FLOAT, std::slice::from_ref(&b), &[])]);
-    assert_eq!(found.offset, Offset::Constant([7.0; 4]));
+    assert_eq!(found.offset, DisplacementOffset::Constant([7.0; 4]));
     let across = ("displacement", vector(1.0, 2.0, 4.0));
     let found = sound(vec![mix(0.25), node(VECTOR, &[across], &[]), node(FLOAT, std::slice::from_ref(&b), &[])]);
-    let Offset::Constant([x, y, z, _]) = found.offset else { panic!("{found:?}") };
+    let DisplacementOffset::Constant([x, y, z, _]) = found.offset else { panic!("{found:?}") };
     assert_eq!(([x, y, z], found.is_vector), ([0.25, 0.5, 7.0], true));
     // What is not connected moves nothing; `dot` hands on.
     let found = sound(vec![
@@ -98,7 +105,7 @@ fn mixed_displacements_interpolate_and_scalars_follow_the_normal() {
         node(MIX, &[("mix", number(0.25))], &[("fg", 2)]),
         node(FLOAT, &[a], &[]),
     ]);
-    assert_eq!(found.offset, Offset::Constant([1.0; 4]));
+    assert_eq!(found.offset, DisplacementOffset::Constant([1.0; 4]));
     // By a share that varies.
     let found = sound(vec![
         node(MIX, &[], &[("fg", 1), ("bg", 2), ("mix", 3)]),
@@ -163,14 +170,14 @@ fn an_invalid_displacement_is_one_problem() {
 /// Each node is worked out once: a ladder of mixtures that all read the next one twice.
 #[test]
 fn shared_displacement_nodes_are_evaluated_once() {
-    let mut nodes: Vec<Node> =
+    let mut nodes: Vec<NetworkNode> =
         (0..15).map(|at| node(MIX, &[("mix", number(0.5))], &[("fg", at + 1), ("bg", at + 1)])).collect();
     nodes.push(node(FLOAT, &[("displacement", number(2.0))], &[]));
-    assert_eq!(sound(nodes.clone()).offset, Offset::Constant([2.0; 4]));
+    assert_eq!(sound(nodes.clone()).offset, DisplacementOffset::Constant([2.0; 4]));
     nodes[14] = node(MIX, &[], &[("fg", 0), ("bg", 0)]);
     let (found, problems) = translated(nodes);
     assert!(found.is_none() && problems.len() == 1 && problems[0].contains("in a circle"), "{problems:?}");
-    let mut deep: Vec<Node> = (0..400).map(|at| node(DOT, &[], &[("in", at + 1)])).collect();
+    let mut deep: Vec<NetworkNode> = (0..400).map(|at| node(DOT, &[], &[("in", at + 1)])).collect();
     deep.push(node(FLOAT, &[("displacement", number(2.0))], &[]));
     let (found, problems) = translated(deep);
     assert!(found.is_none() && problems.len() == 1 && problems[0].contains("too deep"), "{problems:?}");
@@ -190,7 +197,7 @@ fn surface_and_displacement_have_separate_limits() {
     let (found, problems) = translate_displacement(&network, library());
     let translation = oocpt_materialx::translate(&network, library());
     assert!(problems.is_empty() && translation.problems.is_empty(), "{problems:?} {:?}", translation.problems);
-    let named = |uses: &Uses| uses.primvars.iter().map(|primvar| primvar.name.to_string()).collect::<Vec<_>>();
+    let named = |uses: &MaterialUses| uses.primvars.iter().map(|primvar| primvar.name.to_string()).collect::<Vec<_>>();
     assert_eq!(named(&found.expect("a program").uses), names);
     assert_eq!(named(&translation.uses).len(), 2);
 }
@@ -219,7 +226,7 @@ fn only_read_channels_of_displacement_textures_are_kept() {
         ),
     ] {
         let found = sound(nodes);
-        let Offset::Register(register) = found.offset else { panic!("{found:?}") };
+        let DisplacementOffset::Register(register) = found.offset else { panic!("{found:?}") };
         assert_eq!(channels(&found.program, register, if found.is_vector { 3 } else { 1 }), expected);
     }
 }
@@ -236,11 +243,11 @@ fn check(network: &Network) {
     assert!(program.lookups.iter().all(|lookup| (lookup.texture as usize) < textures));
     assert!(!found.has_tangents() || !found.uses.uv_sets.is_empty(), "tangents follow some set");
     let register = match found.offset {
-        Offset::Constant(value) => {
+        DisplacementOffset::Constant(value) => {
             assert!(value.iter().all(|v| v.is_finite()) && program.instructions.is_empty(), "{value:?}");
             return;
         }
-        Offset::Register(register) => register,
+        DisplacementOffset::Register(register) => register,
     };
     assert!(usize::from(register) < REGISTERS && !program.instructions.is_empty());
     let read = channels(program, register, width);
@@ -254,7 +261,7 @@ fn check(network: &Network) {
         [0, 1, 2, 3].map(channel)
     };
     let results = [0.0, 0.75, -3.0].map(|other| {
-        let lookup = |number: usize, _: &Lookup, _: Option<[f32; 2]>| texel(number, other);
+        let lookup = |number: usize, _: &ProgramLookup, _: Option<[f32; 2]>| texel(number, other);
         let registers = run_numbered(program, given, lookup);
         registers[usize::from(register)][..width].to_vec()
     });

@@ -3,10 +3,10 @@
 //! mixtures.
 
 use oocpt_materialx::InputSource;
-use oocpt_materialx::network::Node;
+use oocpt_materialx::network::NetworkNode;
 use oocpt_materialx::program::Geometry;
 use oocpt_materialx::surface::Input;
-use oocpt_materialx::value::Value;
+use oocpt_materialx::value::PortValue;
 
 use crate::support::{node, number, of_node, sound, source, translated, value, vector};
 
@@ -57,7 +57,11 @@ fn hair_helper_nodes_match_their_formulas() {
 }
 
 /// A surface of one fibre, whose first nodes are these two.
-fn fibre(values: &[(&str, Value)], connections: &[(&str, usize, &str)], more: Vec<Node>) -> Vec<Node> {
+fn fibre(
+    values: &[(&str, PortValue)],
+    connections: &[(&str, usize, &str)],
+    more: Vec<NetworkNode>,
+) -> Vec<NetworkNode> {
     let mut hair = node("ND_chiang_hair_bsdf", values, &[]);
     hair.connections = connections.iter().map(|(input, at, output)| ((*input).into(), *at, (*output).into())).collect();
     [vec![node("ND_surface", &[], &[("bsdf", 1)]), hair], more].concat()

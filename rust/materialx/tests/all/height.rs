@@ -2,10 +2,10 @@
 //! Heights made into normals, against fields whose slopes are known: as programs, as textures, of points; and through
 //! the nodes that read them.
 
-use oocpt_materialx::network::Node;
+use oocpt_materialx::network::NetworkNode;
 use oocpt_materialx::program::Geometry;
 use oocpt_materialx::surface::Input;
-use oocpt_materialx::{InputSource, Translation};
+use oocpt_materialx::{InputSource, TranslatedNetwork};
 
 use crate::support::{file, node, number, sound, source, value};
 
@@ -30,7 +30,7 @@ fn near(found: [f64; 3], known: [f64; 3], bound: f64, what: &str) {
 }
 
 /// sin(9 u) + v * v * 5 of texture coordinates, from node `at` on.
-fn field(at: usize) -> Vec<Node> {
+fn field(at: usize) -> Vec<NetworkNode> {
     vec![
         node("ND_add_float", &[], &[("in1", at + 1), ("in2", at + 2)]),
         node("ND_sin_float", &[], &[("in", at + 3)]),
@@ -47,7 +47,7 @@ fn places() -> impl Iterator<Item = [f32; 2]> {
     (0..50_u8).map(|k| [0.37 * f32::from(k) % 1.0, 0.61 * f32::from(k) % 1.0])
 }
 
-fn normal_at(translation: &Translation, [u, v]: [f32; 2]) -> [f32; 4] {
+fn normal_at(translation: &TranslatedNetwork, [u, v]: [f32; 2]) -> [f32; 4] {
     let surface = |what| if what == Geometry::Uv0 { [u, v, 0.0, 0.0] } else { [0.0; 4] };
     value(translation, Input::Normal, surface, |_, [s, t]| [s.sin() * 0.5 + s * t, 0.1, 0.9, 1.0])
 }

@@ -2,10 +2,10 @@
 //! Networks that nobody means: random ones, circles, long chains, wrong types.
 
 use oocpt_materialx::eval::run;
-use oocpt_materialx::network::{Network, Node};
+use oocpt_materialx::network::{Network, NetworkNode};
 use oocpt_materialx::program::{Geometry, MAX_CONSTANTS, MAX_INSTRUCTIONS, MAX_LOOKUPS, Operand, REGISTERS};
 use oocpt_materialx::surface::Input;
-use oocpt_materialx::value::Value;
+use oocpt_materialx::value::PortValue;
 use oocpt_materialx::{InputSource, translate};
 use proptest::prelude::*;
 
@@ -20,9 +20,9 @@ pub(crate) fn networks() -> u32 {
     }
 }
 
-fn any_value() -> impl Strategy<Value = Value> {
+fn any_value() -> impl Strategy<Value = PortValue> {
     prop_oneof![
-        any::<[f32; 4]>().prop_map(|v| Value::Numbers(v.map(|v| if v.is_finite() { v } else { 0.0 }))),
+        any::<[f32; 4]>().prop_map(|v| PortValue::Numbers(v.map(|v| if v.is_finite() { v } else { 0.0 }))),
         (-2.0_f32..3.0).prop_map(number),
         "[a-z]{0,6}".prop_map(|word| text(&word)),
         Just(file("a.png")),
@@ -57,7 +57,7 @@ prop_compose! {
         inputs in prop::collection::vec(
             (prop::sample::select(OTHER_INPUTS), 0..count + 1, any_value(), any::<bool>()), 0..6),
         space in prop::sample::select(&["object", "tangent", "world", "", "rgx1"][..]),
-    ) -> Node {
+    ) -> NetworkNode {
         let mut made = node(kind, &[("space", text(space)), ("channels", text(space))], &[]);
         for (name, upstream, value, is_connected) in inputs {
             if is_connected {
@@ -74,7 +74,7 @@ prop_compose! {
     pub(crate) fn any_node(count: usize)(
         kind in any::<prop::sample::Index>(),
         inputs in prop::collection::vec((any::<prop::sample::Index>(), 0..count + 1, any_value(), any::<bool>()), 0..6),
-    ) -> Node {
+    ) -> NetworkNode {
         let names: Vec<_> = library().names();
         let kind = names[kind.index(names.len())];
         let definition = library().definition(kind).expect("it is listed");

@@ -1,18 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Mixtures: one slab where its mixed parameters are what is asked for, else one of two by a random number of the hit.
 
-use oocpt_materialx::network::Node;
+use oocpt_materialx::network::NetworkNode;
 use oocpt_materialx::program::Geometry;
 use oocpt_materialx::surface::Input;
-use oocpt_materialx::value::Value;
-use oocpt_materialx::{InputSource, Translation};
+use oocpt_materialx::value::PortValue;
+use oocpt_materialx::{InputSource, TranslatedNetwork};
 
 use crate::support::{file, node, number, sound, source, translated, value, vector};
 
 const OPEN_PBR: &str = "ND_open_pbr_surface_surfaceshader";
 
 /// An input where the random numbers of the hit are these.
-fn chosen(translation: &Translation, input: Input, random: [f32; 3]) -> [f32; 4] {
+fn chosen(translation: &TranslatedNetwork, input: Input, random: [f32; 3]) -> [f32; 4] {
     let surface = |what| match Geometry::RANDOM.iter().position(|known| *known == what) {
         Some(which) => [random[which]; 4],
         None => [0.0; 4],
@@ -21,7 +21,7 @@ fn chosen(translation: &Translation, input: Input, random: [f32; 3]) -> [f32; 4]
 }
 
 /// `surface(mix(bg, fg))`.
-fn mixed(share: f32, back: Node, front: Node) -> Vec<Node> {
+fn mixed(share: f32, back: NetworkNode, front: NetworkNode) -> Vec<NetworkNode> {
     vec![
         node("ND_surface", &[], &[("bsdf", 1)]),
         node("ND_mix_bsdf", &[("mix", number(share))], &[("bg", 2), ("fg", 3)]),
@@ -31,13 +31,13 @@ fn mixed(share: f32, back: Node, front: Node) -> Vec<Node> {
 }
 
 /// Of a roughness, which is the root of its alpha.
-fn metal(roughness: f32, color: [f32; 3]) -> Node {
+fn metal(roughness: f32, color: [f32; 3]) -> NetworkNode {
     let alpha = roughness * roughness;
     let values = [("color0", vector(color[0], color[1], color[2])), ("roughness", vector(alpha, alpha, 0.0))];
     node("ND_generalized_schlick_bsdf", &values, &[])
 }
 
-fn diffuse(color: [f32; 3]) -> Node {
+fn diffuse(color: [f32; 3]) -> NetworkNode {
     node("ND_oren_nayar_diffuse_bsdf", &[("color", vector(color[0], color[1], color[2]))], &[])
 }
 
@@ -46,7 +46,7 @@ fn near(found: &[f32], known: &[f32]) {
 }
 
 /// No program, so nothing by chance.
-fn is_plain(translation: &Translation) -> bool {
+fn is_plain(translation: &TranslatedNetwork) -> bool {
     translation.program.instructions.is_empty()
 }
 
@@ -102,7 +102,7 @@ fn linearly_mixable_slabs_are_not_chosen_stochastically() {
 
 #[test]
 fn mix_weights_of_zero_or_one_and_equal_slabs_need_no_choice() {
-    let of = |translation: &Translation| match source(translation, Input::Roughness) {
+    let of = |translation: &TranslatedNetwork| match source(translation, Input::Roughness) {
         InputSource::Constant(value) => value[0],
         other => panic!("{other:?}"),
     };
@@ -171,7 +171,7 @@ fn more_than_four_slabs_give_one_warning() {
     assert!(problem.contains("/m/ND_mix_bsdf: more than 4 sets of lobes are mixed"), "{problem}");
 }
 
-fn surfaces(share: f32, back: &[(&str, Value)], front: &[(&str, Value)]) -> Translation {
+fn surfaces(share: f32, back: &[(&str, PortValue)], front: &[(&str, PortValue)]) -> TranslatedNetwork {
     sound(vec![
         node("ND_mix_surfaceshader", &[("mix", number(share))], &[("bg", 1), ("fg", 2)]),
         node(OPEN_PBR, back, &[]),

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Opacity: as a texture with a threshold, or by a program of its own.
 
-use oocpt_materialx::network::Node;
+use oocpt_materialx::network::NetworkNode;
 use oocpt_materialx::surface::Input;
-use oocpt_materialx::value::Value;
-use oocpt_materialx::{InputSource, Translation};
+use oocpt_materialx::value::PortValue;
+use oocpt_materialx::{InputSource, TranslatedNetwork};
 
 use crate::support::{file, node, number, sound, source};
 
@@ -12,7 +12,7 @@ const OPEN_PBR: &str = "ND_open_pbr_surface_surfaceshader";
 const GLTF: &str = "ND_gltf_pbr_surfaceshader";
 
 /// A leaf whose opacity is this node, which reads alpha of a picture by node 2, or what node 4 makes of it.
-fn leaf(surface: &str, own: &[(&str, Value)], opacity: Node) -> Translation {
+fn leaf(surface: &str, own: &[(&str, PortValue)], opacity: NetworkNode) -> TranslatedNetwork {
     let input = if surface == GLTF { "alpha" } else { "geometry_opacity" };
     sound(vec![
         node(surface, own, &[(input, 1)]),
@@ -25,8 +25,9 @@ fn leaf(surface: &str, own: &[(&str, Value)], opacity: Node) -> Translation {
 
 #[test]
 fn opacity_that_compares_a_texel_is_a_texture_with_a_threshold() {
-    let compared =
-        |kind: &str, own: &[(&str, Value)], connection: &str| leaf(OPEN_PBR, &[], node(kind, own, &[(connection, 2)]));
+    let compared = |kind: &str, own: &[(&str, PortValue)], connection: &str| {
+        leaf(OPEN_PBR, &[], node(kind, own, &[(connection, 2)]))
+    };
     let [half, one, zero] = [0.5, 1.0, 0.0].map(number);
     let rising = [("value2", half.clone()), ("in1", one.clone()), ("in2", zero.clone())];
     let falling = [("value1", half), ("in1", one), ("in2", zero)];

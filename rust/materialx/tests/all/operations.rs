@@ -2,7 +2,7 @@
 //! Operations of programs with known answers, at any operands, and programs.
 
 use oocpt_materialx::eval::{evaluate, run};
-use oocpt_materialx::program::{Geometry, Instruction, Lookup, Op, Operand, Program, REGISTERS};
+use oocpt_materialx::program::{Geometry, Instruction, Op, Operand, Program, ProgramLookup, REGISTERS};
 use proptest::prelude::*;
 
 fn of(op: Op, a: f32, b: f32, c: f32) -> f32 {
@@ -131,7 +131,7 @@ fn step(op: Op, to: u8, operands: [Operand; 3], immediate: u16) -> Instruction {
 #[test]
 fn programs_run_in_order() {
     let [r, c] = [Operand::Register, Operand::Constant];
-    let lookup = Lookup { texture: 7, uv: None, transform: [[0.0; 3]; 2], scale: [1.0; 4], bias: [0.0; 4] };
+    let lookup = ProgramLookup { texture: 7, uv: None, transform: [[0.0; 3]; 2], scale: [1.0; 4], bias: [0.0; 4] };
     let program = Program {
         instructions: vec![
             step(Op::Surface, 1, [r(0); 3], Geometry::Uv1 as u16),

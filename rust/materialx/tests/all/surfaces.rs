@@ -2,7 +2,7 @@
 //! Surface models as inputs of the BSDF, textures with their places, programs.
 
 use oocpt_materialx::InputSource;
-use oocpt_materialx::network::Node;
+use oocpt_materialx::network::NetworkNode;
 use oocpt_materialx::program::Geometry;
 use oocpt_materialx::surface::Input;
 
@@ -88,7 +88,7 @@ fn patterns_become_a_program() {
     let share = value(&translation, Input::Roughness, at, |_, _| [0.0; 4])[0];
     assert!(share > 0.05 && share < 0.95 && share != 0.5, "{share}");
     assert!((color[0] - share).abs() < 1e-6 && (color[2] - (1.0 - share)).abs() < 1e-6, "{color:?} {share}");
-    assert_eq!(&*translation.uses.primvars[0].name, oocpt_materialx::uses::Uses::POSITION);
+    assert_eq!(&*translation.uses.primvars[0].name, oocpt_materialx::uses::MaterialUses::POSITION);
 }
 
 /// A product of two textures is a program with two lookups that know their places.
@@ -101,7 +101,7 @@ fn a_product_of_textures_becomes_a_program() {
         node("ND_image_color3", &[("file", file("b.png"))], &[]),
     ]);
     assert_eq!(translation.program.lookups.len(), 2);
-    let texel = |lookup: &oocpt_materialx::program::Lookup, _| {
+    let texel = |lookup: &oocpt_materialx::program::ProgramLookup, _| {
         [[0.5, 0.25, 0.125, 1.0], [0.5, 0.5, 1.0, 1.0]][lookup.texture as usize]
     };
     let color = value(&translation, Input::DiffuseColor, |_| [0.0; 4], texel);
@@ -116,7 +116,7 @@ fn distorted_texture_coordinates_become_a_program() {
         node("ND_image_color3", &[("file", file("a.png"))], &[("texcoord", 2)]),
         node("ND_image_vector2", &[("file", file("b.png"))], &[]),
     ]);
-    let texel = |lookup: &oocpt_materialx::program::Lookup, place: [f32; 2]| {
+    let texel = |lookup: &oocpt_materialx::program::ProgramLookup, place: [f32; 2]| {
         if translation.uses.textures[lookup.texture as usize].file.resolved.starts_with('b') {
             [0.75, 0.125, 0.0, 1.0]
         } else {
@@ -210,7 +210,7 @@ fn unsupported_inputs_give_one_warning_with_the_prim() {
 
 #[test]
 fn a_node_without_a_kind_is_named_by_its_path() {
-    let unknown = || Node { path: "/m/own".into(), ..node("", &[], &[]) };
+    let unknown = || NetworkNode { path: "/m/own".into(), ..node("", &[], &[]) };
     let said = ["the host has no definition of /m/own"];
     let pattern = translated(vec![node(STANDARD, &[], &[("base_color", 1)]), unknown()]);
     assert_eq!(pattern.problems, said);

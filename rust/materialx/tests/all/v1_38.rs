@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Ids of `MaterialX` 1.38: every one that 1.39 has no definition of gives what 1.38 specifies, or is named.
 
-use oocpt_materialx::library::Library;
-use oocpt_materialx::network::{Network, Node};
+use oocpt_materialx::library::NodeLibrary;
+use oocpt_materialx::network::{Network, NetworkNode};
 use oocpt_materialx::program::Geometry;
 use oocpt_materialx::surface::Input;
-use oocpt_materialx::uses::Uses;
-use oocpt_materialx::value::Value;
-use oocpt_materialx::{InputSource, Translation, translate};
+use oocpt_materialx::uses::MaterialUses;
+use oocpt_materialx::value::PortValue;
+use oocpt_materialx::{InputSource, TranslatedNetwork, translate};
 
 use crate::support::{node, number, sound, source, text, translated, value, vector};
 
@@ -31,14 +31,14 @@ fn near(value: [f32; 4], expected: [f32; 3]) -> bool {
 }
 
 /// What the emission is, that the last of these nodes gives: numbers of the world.
-fn given(nodes: Vec<Node>) -> [f32; 4] {
+fn given(nodes: Vec<NetworkNode>) -> [f32; 4] {
     let mut all = vec![node("ND_surface_unlit", &[], &[("emission_color", nodes.len())])];
     all.extend(nodes);
     value(&sound(all), Input::EmissiveColor, surface, |_, _| [0.5; 4])
 }
 
 /// A map that leans along the tangent.
-fn leaning() -> Value {
+fn leaning() -> PortValue {
     vector(0.8, 0.5, 0.9)
 }
 
@@ -78,14 +78,14 @@ fn placed(slot: usize) -> [f32; 4] {
     [[0.0, 2.0, 0.0, 0.0], [-1.0, 0.0, 0.0, 0.0]][slot]
 }
 
-fn by_slot(translation: &Translation, what: Geometry) -> [f32; 4] {
+fn by_slot(translation: &TranslatedNetwork, what: Geometry) -> [f32; 4] {
     let slot = match what {
         Geometry::Primvar0 => 0,
         Geometry::Primvar1 => 1,
         other => return surface(other),
     };
     let name = &*translation.uses.primvars[slot].name;
-    placed(usize::from(name == Uses::OBJECT_FRAME[1]))
+    placed(usize::from(name == MaterialUses::OBJECT_FRAME[1]))
 }
 
 #[test]
@@ -104,7 +104,7 @@ fn a_normal_map_of_object_space_goes_to_the_world() {
 /// To the world as normals go, and back; between equal spaces nothing is done.
 #[test]
 fn normals_are_transformed_between_the_object_and_the_world() {
-    let transformed = |from: &str, to: &str, normal: Value| {
+    let transformed = |from: &str, to: &str, normal: PortValue| {
         let values = [("in", normal), ("fromspace", text(from)), ("tospace", text(to))];
         let nodes = vec![
             node("ND_surface_unlit", &[], &[("emission_color", 1)]),
@@ -148,13 +148,13 @@ fn the_object_frame_z_axis_is_decoded() {
 }
 
 /// The normal of a surface, in its own frame.
-fn local(nodes: Vec<Node>) -> [f32; 4] {
+fn local(nodes: Vec<NetworkNode>) -> [f32; 4] {
     value(&sound(nodes), Input::Normal, surface, |_, _| [0.5; 4])
 }
 
 #[test]
 fn constant_world_space_normals_are_applied() {
-    let shader = |normal: Value| vec![node("ND_standard_surface_surfaceshader", &[("normal", normal)], &[])];
+    let shader = |normal: PortValue| vec![node("ND_standard_surface_surfaceshader", &[("normal", normal)], &[])];
     // Its parts along T, B, N.
     assert!(near(local(shader(vector(0.96, 0.0, 0.28))), [0.6, 0.0, 0.8]));
     assert!(near(local(shader(vector(-0.96, 0.0, -0.28))), [0.6, 0.0, 0.8]), "turned to the surface's own side");
@@ -170,7 +170,7 @@ fn constant_world_space_normals_are_applied() {
 
 #[test]
 fn preview_surface_normals_are_in_tangent_space() {
-    let shader = |normal: Value| vec![node("ND_UsdPreviewSurface_surfaceshader", &[("normal", normal)], &[])];
+    let shader = |normal: PortValue| vec![node("ND_UsdPreviewSurface_surfaceshader", &[("normal", normal)], &[])];
     let translation = sound(shader(vector(0.6, 0.0, 0.8)));
     assert!(near(local(shader(vector(0.6, 0.0, 0.8))), [0.6, 0.0, 0.8]));
     assert!(!translation.framed_normal && &*translation.uses.uv_sets[0] == "st", "about tangents of a set");
@@ -196,13 +196,13 @@ fn a_normal_map_connected_directly_stays_a_texture() {
     }
 }
 
-fn closure(kind: &str, values: &[(&str, Value)], connections: &[(&str, usize)]) -> Node {
+fn closure(kind: &str, values: &[(&str, PortValue)], connections: &[(&str, usize)]) -> NetworkNode {
     node(kind, values, connections)
 }
 
 #[test]
 fn a_thin_film_layer_applies_to_the_base() {
-    let film = |values: &[(&str, Value)]| {
+    let film = |values: &[(&str, PortValue)]| {
         let nodes = vec![
             closure("ND_surface", &[], &[("bsdf", 1)]),
             closure("ND_layer_bsdf", &[], &[("top", 2), ("base", 3)]),
@@ -304,7 +304,8 @@ fn graphs_of_1_38_are_understood() {
     let own = std::env::temp_dir().join(format!("oocpt-older-{}", std::process::id()));
     std::fs::create_dir_all(&own).expect("a folder");
     std::fs::write(own.join("old.mtlx"), text).expect("a file");
-    let library = Library::read_with(&[host.join("python/bpy/lib/materialx/libraries")], std::slice::from_ref(&own));
+    let library =
+        NodeLibrary::read_with(&[host.join("python/bpy/lib/materialx/libraries")], std::slice::from_ref(&own));
     drop(std::fs::remove_dir_all(&own));
     for (kind, expected) in
         [("ND_old", [0.75; 3]), ("ND_lean", [0.96, 0.0, 0.28]), ("ND_turn", [std::f32::consts::FRAC_PI_2; 3])]

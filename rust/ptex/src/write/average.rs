@@ -4,11 +4,11 @@
 use half::f16;
 
 use crate::DataType;
-use crate::texels::Texel;
+use crate::texels::TexelLayout;
 
 /// The average of texels in the byte order of this machine. Alpha weighs the channels before it or, if it is the first,
 /// those after it.
-pub(super) fn average(texel: Texel, alpha_channel: Option<u32>, texels: &[u8]) -> Vec<u8> {
+pub(super) fn average(texel: TexelLayout, alpha_channel: Option<u32>, texels: &[u8]) -> Vec<u8> {
     let alpha = alpha_channel.map(|alpha| alpha as usize);
     let is_weighed = |channel| alpha.is_some_and(|alpha| if alpha == 0 { channel > 0 } else { channel < alpha });
     let value = texel.data_type.bytes();

@@ -9,10 +9,11 @@ use flate2::Compression;
 use flate2::write::ZlibEncoder;
 
 use crate::format::{
-    BARRIER_BYTES, EXTENDED_BYTES, Encoding, Extended, FACE_BYTES, Header, LEVEL_BYTES, block_word, face_record,
+    BARRIER_BYTES, BlockEncoding, EXTENDED_BYTES, ExtendedHeader, FACE_BYTES, LEVEL_BYTES, PtexHeader, block_word,
+    face_record,
 };
-use crate::texels::{Rect, Texel, make_differences};
-use crate::{BorderMode, DataType, Face, MAX_BYTES, MAX_CHANNELS, MAX_FACES, MAX_LOG2, MeshType, PtexError};
+use crate::texels::{FaceRect, TexelLayout, make_differences};
+use crate::{BorderMode, DataType, MAX_BYTES, MAX_CHANNELS, MAX_FACES, MAX_LOG2, MeshType, PtexError, PtexFace};
 
 /// Faces of more bytes are cut into tiles of at most this.
 const TILE_BYTES: usize = 1 << 16;
@@ -21,9 +22,9 @@ const TILE_BYTES: usize = 1 << 16;
 /// them in the file is known only then.
 pub struct PtexWriter<W: Write> {
     sink: W,
-    header: Header,
+    header: PtexHeader,
     border_modes: [BorderMode; 2],
-    texel: Texel,
+    texel: TexelLayout,
     records: Vec<u8>,
     constants: Vec<u8>,
     /// The words of the faces' blocks.
@@ -58,7 +59,7 @@ impl<W: Write> PtexWriter<W> {
         if faces == 0 || faces > MAX_FACES {
             return Err(PtexError::Caller("a number of faces out of range"));
         }
-        let header = Header {
+        let header = PtexHeader {
             mesh_type,
             data_type,
             alpha_channel,
@@ -76,7 +77,7 @@ impl<W: Write> PtexWriter<W> {
             sink,
             header,
             border_modes: [BorderMode::Clamp; 2],
-            texel: Texel { data_type, channels: channels as usize },
+            texel: TexelLayout { data_type, channels: channels as usize },
             records: Vec::new(),
             constants: Vec::new(),
             words: Vec::new(),
@@ -91,7 +92,7 @@ impl<W: Write> PtexWriter<W> {
 
     /// Appends the next face. `texels` is as [`crate::PtexFile::read_face`] gives it, or one texel if the face is
     /// constant. Faces whose texels are all equal become constant. `face.has_edits` means nothing.
-    pub fn push_face(&mut self, face: &Face, texels: &[u8]) -> Result<(), PtexError> {
+    pub fn push_face(&mut self, face: &PtexFace, texels: &[u8]) -> Result<(), PtexError> {
         if self.faces() >= self.header.faces as usize {
             return Err(PtexError::Caller("more faces than announced"));
         }
@@ -123,7 +124,7 @@ impl<W: Write> PtexWriter<W> {
             if is_constant { first.to_vec() } else { average::average(self.texel, self.header.alpha_channel, texels) };
         self.texel.swap_bytes(&mut constant);
         self.constants.extend(constant);
-        self.records.extend(face_record(&Face { is_constant, ..*face }));
+        self.records.extend(face_record(&PtexFace { is_constant, ..*face }));
         Ok(())
     }
 
@@ -149,7 +150,7 @@ impl<W: Write> PtexWriter<W> {
         let parts = [&records, &constants, &level, &words, &self.blocks, &barrier.to_vec()];
         let length = header.len() + EXTENDED_BYTES as usize + parts.iter().map(|part| part.len()).sum::<usize>();
         self.sink.write_all(&header)?;
-        self.sink.write_all(&Extended::new_bytes(self.border_modes, length as u64))?;
+        self.sink.write_all(&ExtendedHeader::new_bytes(self.border_modes, length as u64))?;
         for part in parts {
             self.sink.write_all(part)?;
         }
@@ -163,14 +164,14 @@ impl<W: Write> PtexWriter<W> {
     }
 
     /// Appends the block of a face, in tiles if it is large.
-    fn push_texels(&mut self, texels: &[u8], log2: [u8; 2]) -> Result<Encoding, PtexError> {
+    fn push_texels(&mut self, texels: &[u8], log2: [u8; 2]) -> Result<BlockEncoding, PtexError> {
         let [mut u, mut v] = log2;
         while self.texel.bytes() << (u + v) > TILE_BYTES && u + v > 0 {
             if u >= v { u -= 1 } else { v -= 1 }
         }
         let size = log2.map(|log2| 1 << log2);
         let tile = [1 << u, 1 << v];
-        let all = Rect { at: [0; 2], size, face_width: size[0] };
+        let all = FaceRect { at: [0; 2], size, face_width: size[0] };
         if tile == size {
             let (encoding, block) = self.compressed(texels, all)?;
             self.blocks.extend(block);
@@ -179,7 +180,7 @@ impl<W: Write> PtexWriter<W> {
         let (mut words, mut tiles) = (Vec::new(), Vec::new());
         for low in (0..size[1]).step_by(tile[1]) {
             for left in (0..size[0]).step_by(tile[0]) {
-                let (encoding, block) = self.compressed(texels, Rect { at: [left, low], size: tile, ..all })?;
+                let (encoding, block) = self.compressed(texels, FaceRect { at: [left, low], size: tile, ..all })?;
                 words.extend(block_word(encoding, block.len())?.to_le_bytes());
                 tiles.extend(block);
             }
@@ -190,21 +191,24 @@ impl<W: Write> PtexWriter<W> {
         self.blocks.extend(words_bytes.to_le_bytes());
         self.blocks.extend(words);
         self.blocks.extend(tiles);
-        Ok(Encoding::Tiled)
+        Ok(BlockEncoding::Tiled)
     }
 
     /// A rectangle of a face as it is stored.
-    fn compressed(&self, texels: &[u8], rect: Rect) -> Result<(Encoding, Vec<u8>), PtexError> {
+    fn compressed(&self, texels: &[u8], rect: FaceRect) -> Result<(BlockEncoding, Vec<u8>), PtexError> {
         let mut planes = self.texel.planes(texels, rect);
         let value = self.texel.data_type.bytes();
         let mut channels = planes.chunks_exact(rect.size[0] * rect.size[1] * value);
         if channels.all(|plane| plane.chunks_exact(value).all(|each| plane.starts_with(each))) {
             let channels = planes.chunks_exact(rect.size[0] * rect.size[1] * value);
-            return Ok((Encoding::Constant, channels.flat_map(|plane| plane.iter().take(value).copied()).collect()));
+            return Ok((
+                BlockEncoding::Constant,
+                channels.flat_map(|plane| plane.iter().take(value).copied()).collect(),
+            ));
         }
         let encoding = match self.texel.data_type {
-            DataType::U8 | DataType::U16 => Encoding::DiffZipped,
-            DataType::F16 | DataType::F32 => Encoding::Zipped,
+            DataType::U8 | DataType::U16 => BlockEncoding::DiffZipped,
+            DataType::F16 | DataType::F32 => BlockEncoding::Zipped,
         };
         make_differences(&mut planes, self.texel.data_type);
         Ok((encoding, zipped(&planes)?))

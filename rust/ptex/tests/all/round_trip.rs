@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Files of our writer, read by our reader. That the reference library reads them equally was seen by hand.
 
-use oocpt_ptex::{BorderMode, DataType, Face, MeshType, PtexWriter};
+use oocpt_ptex::{BorderMode, DataType, MeshType, PtexFace, PtexWriter};
 
 use crate::support::Kind::{Constant, Quarter, Varied};
 use crate::support::{Format, open, read, texels};
@@ -21,7 +21,7 @@ fn written_files_read_back_equal() {
                 // Large faces of many channels take long in a build without optimisation.
                 let log2 = if channels > 4 { log2.map(|log2: u8| log2.min(4)) } else { log2 };
                 let texels = texels(format, number, log2, kind);
-                writer.push_face(&Face::new(log2), &texels).unwrap();
+                writer.push_face(&PtexFace::new(log2), &texels).unwrap();
                 expected.push((log2, texels));
             }
             let file = open(writer.finish().unwrap()).unwrap();
@@ -37,8 +37,12 @@ fn written_files_read_back_equal() {
 #[test]
 fn face_flags_and_adjacency_round_trip() {
     let faces = [
-        Face { adjacent: [Some((1, 3)), None, Some((0, 2)), Some((1, 0))], is_subface: true, ..Face::new([1, 2]) },
-        Face { adjacent: [None, Some((0, 1)), None, None], is_constant: true, ..Face::new([5, 3]) },
+        PtexFace {
+            adjacent: [Some((1, 3)), None, Some((0, 2)), Some((1, 0))],
+            is_subface: true,
+            ..PtexFace::new([1, 2])
+        },
+        PtexFace { adjacent: [None, Some((0, 1)), None, None], is_constant: true, ..PtexFace::new([5, 3]) },
     ];
     let mut writer = PtexWriter::new(Vec::new(), MeshType::Quad, DataType::U8, 1, None, 2).unwrap();
     writer.set_border_modes([BorderMode::Periodic, BorderMode::Black]);
@@ -53,7 +57,7 @@ fn face_flags_and_adjacency_round_trip() {
 
 #[test]
 fn triangles_have_three_edges() {
-    let face = Face { adjacent: [Some((0, 2)), None, Some((0, 3)), Some((0, 0))], ..Face::new([1, 1]) };
+    let face = PtexFace { adjacent: [Some((0, 2)), None, Some((0, 3)), Some((0, 0))], ..PtexFace::new([1, 1]) };
     let mut writer = PtexWriter::new(Vec::new(), MeshType::Triangle, DataType::U8, 1, None, 1).unwrap();
     writer.push_face(&face, &[1, 2, 3, 4]).unwrap();
     let file = open(writer.finish().unwrap()).unwrap();
@@ -63,7 +67,8 @@ fn triangles_have_three_edges() {
 
 #[test]
 fn missing_neighbours_are_none() {
-    let face = Face { adjacent: [Some((1, 0)), Some((0, 0)), Some((u32::MAX - 1, 0)), None], ..Face::new([0, 0]) };
+    let face =
+        PtexFace { adjacent: [Some((1, 0)), Some((0, 0)), Some((u32::MAX - 1, 0)), None], ..PtexFace::new([0, 0]) };
     let mut writer = PtexWriter::new(Vec::new(), MeshType::Quad, DataType::U8, 1, None, 1).unwrap();
     writer.push_face(&face, &[1]).unwrap();
     let file = open(writer.finish().unwrap()).unwrap();
@@ -83,7 +88,7 @@ fn writer_misuse_gives_a_specific_error() {
     assert!(refused(3, None, (1 << 26) + 1).contains("number of faces"), "too many");
 
     let mut triangles = new(MeshType::Triangle, 1, None, 1).unwrap();
-    let mut push = |log2, texels: &[u8]| triangles.push_face(&Face::new(log2), texels).map_err(|e| e.to_string());
+    let mut push = |log2, texels: &[u8]| triangles.push_face(&PtexFace::new(log2), texels).map_err(|e| e.to_string());
     assert!(push([1, 2], &[0; 16]).unwrap_err().contains("along u as along v"), "not square");
     assert!(push([15, 15], &[]).unwrap_err().contains("resolution"), "too large");
     assert!(push([1, 1], &[0; 7]).unwrap_err().contains("texels"), "too few");

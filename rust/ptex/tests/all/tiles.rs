@@ -5,7 +5,7 @@ use oocpt_ptex::PtexError;
 
 use crate::raw::{Raw, put, u32_at, zipped};
 use crate::support::{open, read};
-use oocpt_ptex::{DataType, Face, MeshType, PtexWriter};
+use oocpt_ptex::{DataType, MeshType, PtexFace, PtexWriter};
 
 const CONSTANT: u32 = 0;
 const ZIPPED: u32 = 1;
@@ -15,7 +15,7 @@ const TILED: u32 = 3;
 pub(crate) fn one_face(encoding: u32, block: &[u8]) -> Vec<u8> {
     let mut writer = PtexWriter::new(Vec::new(), MeshType::Quad, DataType::U8, 1, None, 1).unwrap();
     let texels: Vec<u8> = (0..16).collect();
-    writer.push_face(&Face::new([2, 2]), &texels).unwrap();
+    writer.push_face(&PtexFace::new([2, 2]), &texels).unwrap();
     let mut raw = Raw::new(&writer.finish().unwrap());
     raw.blocks = block.to_vec();
     raw.words = (u32::try_from(block.len()).unwrap() | encoding << 30).to_le_bytes().to_vec();

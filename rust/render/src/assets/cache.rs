@@ -1,20 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The scene on the device from frame to frame: what is wanted, what is there, and whether all of it fits.
 //!
-//! [`SceneCache::sync`] lists what a snapshot needs. If it fits the budget, [`Scene::load_all`] brings everything;
-//! else the streaming loop brings what the rays ask for. Render thread only.
+//! [`SceneCache::sync`] lists what a snapshot needs. If it fits the budget, [`DeviceScene::load_all`] brings
+//! everything; else the streaming loop brings what the rays ask for. Render thread only.
 
 use super::catalog::SceneAssets;
 use super::source::AssetKey;
-use super::store::{Patience, Store};
-use super::tables::{Entries, Tables};
+use super::store::{AssetStore, MemoryWait};
+use super::tables::{SceneTables, TableEntries};
 use crate::device::Device;
 use crate::error::RenderError;
-use crate::shared::Gate;
+use crate::shared::FrameGate;
 use crate::textures::{ImageLibrary, TextureCache};
-use crate::timings::Timings;
+use crate::timings::RenderTimings;
 use oocpt_abi::MAX_LEVELS;
-use oocpt_core::inventory::Inventory;
+use oocpt_core::inventory::RenderInventory;
 use oocpt_core::residency::AssetId;
 use oocpt_core::scene::Snapshot;
 use oocpt_core::settings::Settings;
@@ -83,12 +83,12 @@ impl SceneView {
 
 /// A snapshot's data on the device.
 #[derive(Debug)]
-pub(crate) struct Scene {
+pub(crate) struct DeviceScene {
     pub(crate) assets: Arc<SceneAssets>,
-    pub(crate) store: Store,
-    tables: Option<Tables>,
+    pub(crate) store: AssetStore,
+    tables: Option<SceneTables>,
     /// What the tables hold.
-    entries: Entries,
+    entries: TableEntries,
     /// Whether the tables are of a scene in core.
     is_in_core: bool,
 }
@@ -96,7 +96,7 @@ pub(crate) struct Scene {
 /// See the module.
 #[derive(Debug, Default)]
 pub(crate) struct SceneCache {
-    scene: Option<Scene>,
+    scene: Option<DeviceScene>,
     textures: TextureCache,
 }
 
@@ -114,7 +114,7 @@ impl SceneCache {
         &self.textures
     }
 
-    /// As [`Scene::clear`], if there is a scene.
+    /// As [`DeviceScene::clear`], if there is a scene.
     pub(crate) fn clear(&mut self, device: &Device) -> Result<(), RenderError> {
         self.scene.as_mut().map_or(Ok(()), |scene| scene.clear(device))
     }
@@ -125,7 +125,7 @@ impl SceneCache {
         &mut self,
         snapshot: &Arc<Snapshot>,
         images: Option<&Arc<dyn ImageLibrary>>,
-    ) -> Result<&mut Scene, RenderError> {
+    ) -> Result<&mut DeviceScene, RenderError> {
         match &mut self.scene {
             // Nothing of it has changed: what is there stays, with its tables.
             Some(scene) if Arc::ptr_eq(&scene.assets.snapshot, snapshot) => scene.store.forget_arriving(),
@@ -135,23 +135,28 @@ impl SceneCache {
                 let assets = Arc::new(SceneAssets::new(snapshot, &textures, masks)?);
                 let mut store = match self.scene.take() {
                     Some(scene) => scene.store,
-                    None => Store::default(),
+                    None => AssetStore::default(),
                 };
                 let keep: FxHashSet<AssetKey> = assets.keys().map(|(_, key)| key).collect();
                 store.retain(&keep, |image| assets.textures.has(image));
-                self.scene =
-                    Some(Scene { assets, store, tables: None, entries: Entries::default(), is_in_core: false });
+                self.scene = Some(DeviceScene {
+                    assets,
+                    store,
+                    tables: None,
+                    entries: TableEntries::default(),
+                    is_in_core: false,
+                });
             }
         }
         self.scene.as_mut().ok_or_else(|| RenderError::Internal("the scene was not made".into()))
     }
 }
 
-impl Scene {
+impl DeviceScene {
     /// Bytes that are still to come, with tables; tiles of textures left out.
     pub(crate) fn missing_bytes(&self) -> u64 {
         let missing: u64 = self.missing().filter_map(|id| self.assets.source(id)).map(|s| s.bytes()).sum();
-        missing + Tables::bytes(&self.assets)
+        missing + SceneTables::bytes(&self.assets)
     }
 
     /// Longest chain of instance records inside a chunk, at least 1.
@@ -174,11 +179,11 @@ impl Scene {
         self.is_in_core = false;
     }
 
-    pub(super) fn tables(&self) -> Option<&Tables> {
+    pub(super) fn tables(&self) -> Option<&SceneTables> {
         self.tables.as_ref()
     }
 
-    pub(super) fn entries(&self) -> &Entries {
+    pub(super) fn entries(&self) -> &TableEntries {
         &self.entries
     }
 
@@ -198,8 +203,8 @@ impl Scene {
     pub(crate) fn load_all(
         &mut self,
         device: &Device,
-        gate: &Gate<'_>,
-        timings: &mut Timings,
+        gate: &FrameGate<'_>,
+        timings: &mut RenderTimings,
     ) -> Result<bool, RenderError> {
         let started = Instant::now();
         let mut missing: Vec<AssetId> = self.missing().collect();
@@ -220,7 +225,7 @@ impl Scene {
                 if on_the_way > 0 && on_the_way + cost > IN_FLIGHT_BYTES {
                     break;
                 }
-                self.store.begin(device, &self.assets, asset, Patience::Wait)?;
+                self.store.begin(device, &self.assets, asset, MemoryWait::Wait)?;
                 on_the_way += cost;
                 missing.next();
             }
@@ -264,29 +269,29 @@ impl Scene {
     }
 
     fn show_all(&mut self, device: &Device) -> Result<(), RenderError> {
-        (self.tables, self.entries) = (None, Entries::new(&self.assets));
+        (self.tables, self.entries) = (None, TableEntries::new(&self.assets));
         let first = self.assets.first_tile();
         let textures = &self.assets.textures;
         let tiles = self.store.tiles().chain(self.store.mapped_tiles());
         let tiles = tiles.filter_map(|(image, tile)| Some(first + textures.number_of(image, tile)?));
         let there: Vec<AssetId> = self.assets.needed.iter().copied().chain(tiles).collect();
         there.into_iter().for_each(|asset| self.show(asset));
-        self.tables = Some(Tables::new(device, &self.assets, &self.entries)?);
+        self.tables = Some(SceneTables::new(device, &self.assets, &self.entries)?);
         Ok(())
     }
 
     /// Lets go of everything on the device, tables too, and gives the memory back. Waits for the device.
     pub(crate) fn clear(&mut self, device: &Device) -> Result<(), RenderError> {
         self.store.clear();
-        (self.tables, self.is_in_core, self.entries) = (None, false, Entries::default());
+        (self.tables, self.is_in_core, self.entries) = (None, false, TableEntries::default());
         device.gpu.wait_idle()?;
         device.heap.trim();
         Ok(())
     }
 
-    /// Gives back the host memory that rays read across the bus.
-    pub(crate) fn unmap(&mut self, device: &Device) {
-        self.store.unmap();
+    /// Gives back the host memory that rays read across the bus; if `keeps_tiles`, not that of tiles of textures.
+    pub(crate) fn unmap(&mut self, device: &Device, keeps_tiles: bool) {
+        self.store.unmap(keeps_tiles);
         if let Some(heap) = device.host_heap_if_made() {
             heap.trim();
         }
@@ -302,7 +307,7 @@ impl Scene {
 
     /// Bytes of the tables.
     pub(crate) fn table_bytes(&self) -> u64 {
-        Tables::bytes(&self.assets)
+        SceneTables::bytes(&self.assets)
     }
 
     fn cost(&self, asset: AssetId) -> u64 {
@@ -312,13 +317,13 @@ impl Scene {
     /// Tables in which every chunk is absent, for streaming.
     pub(crate) fn make_empty_tables(&mut self, device: &Device) -> Result<(), RenderError> {
         self.is_in_core = false;
-        self.entries = Entries::default();
-        self.tables = Some(Tables::new(device, &self.assets, &Entries::new(&self.assets))?);
+        self.entries = TableEntries::default();
+        self.tables = Some(SceneTables::new(device, &self.assets, &TableEntries::new(&self.assets))?);
         Ok(())
     }
 
     /// Lists the tables, and, when all of the scene is there, its assets by what they hold.
-    pub(crate) fn list(&self, inventory: &mut Inventory, in_core: bool) {
+    pub(crate) fn list(&self, inventory: &mut RenderInventory, in_core: bool) {
         if let Some(tables) = &self.tables {
             tables.list(inventory);
         }
@@ -328,7 +333,7 @@ impl Scene {
     }
 
     /// The parts that a streaming loop works with.
-    pub(crate) fn parts(&mut self) -> Result<(&Arc<SceneAssets>, &mut Store, &Tables), RenderError> {
+    pub(crate) fn parts(&mut self) -> Result<(&Arc<SceneAssets>, &mut AssetStore, &SceneTables), RenderError> {
         match &self.tables {
             Some(tables) => Ok((&self.assets, &mut self.store, tables)),
             None => Err(RenderError::Internal("the scene's tables were not made".into())),

@@ -8,15 +8,15 @@
 //! assemblies), then tiles (their number + all those). Unit ids: chunks first, then meshes, then tiles. Pure; any
 //! thread.
 
-use super::source::{AssetKey, Source};
+use super::source::{AssetKey, AssetSource};
 use crate::error::RenderError;
 use crate::textures::{OpacityMasks, TextureSet};
 use oocpt_abi::{LevelNode, MAX_LEVELS};
-use oocpt_core::inventory::Inventory;
+use oocpt_core::inventory::RenderInventory;
 use oocpt_core::mesh::level_nodes;
-use oocpt_core::partition::World;
-use oocpt_core::residency::{AssetId, Catalog, UnitId};
-use oocpt_core::scene::{Snapshot, Target};
+use oocpt_core::partition::PartitionedWorld;
+use oocpt_core::residency::{AssetId, UnitCatalog, UnitId};
+use oocpt_core::scene::{InstanceTarget, Snapshot};
 use rustc_hash::{FxHashMap, FxHashSet};
 use std::sync::Arc;
 
@@ -31,9 +31,9 @@ pub(crate) struct SceneAssets {
     /// What is known of cutouts.
     pub(crate) masks: Arc<OpacityMasks>,
     /// By asset id, those of tiles left out: there may be millions.
-    sources: Vec<Source>,
+    sources: Vec<AssetSource>,
     /// Bytes of every asset and the assets of every unit.
-    pub(crate) catalog: Arc<Catalog>,
+    pub(crate) catalog: Arc<UnitCatalog>,
     /// The assets that some chunk or ray needs: all but tiles.
     pub(crate) needed: Vec<AssetId>,
     /// Bytes of them and of all tiles.
@@ -45,7 +45,7 @@ pub(crate) struct SceneAssets {
     /// The tree over chunk instances.
     pub(crate) top: TopLevel,
     /// `bytes` by what they hold.
-    sections: [u64; Source::SECTIONS.len()],
+    sections: [u64; AssetSource::SECTIONS.len()],
     meshes: usize,
     assemblies: usize,
 }
@@ -59,7 +59,7 @@ pub(crate) struct TopLevel {
 }
 
 impl TopLevel {
-    fn new(world: &World) -> Self {
+    fn new(world: &PartitionedWorld) -> Self {
         let (nodes, stack) = level_nodes(&world.top);
         Self { nodes, stack }
     }
@@ -67,7 +67,7 @@ impl TopLevel {
 
 /// What an asset id stands for in the tables.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Slot {
+pub(crate) enum AssetSlot {
     Mesh(usize),
     Assembly(usize),
     Chunk(usize),
@@ -83,10 +83,10 @@ impl SceneAssets {
     ) -> Result<Self, RenderError> {
         check(snapshot)?;
         let world = &snapshot.world;
-        let meshes = snapshot.meshes.iter().cloned().map(Source::Mesh);
-        let assemblies = snapshot.assemblies.iter().cloned().map(Source::Assembly);
-        let chunks = world.chunks.iter().cloned().map(Source::Chunk);
-        let sources: Vec<Source> = meshes.chain(assemblies).chain(chunks).collect();
+        let meshes = snapshot.meshes.iter().cloned().map(AssetSource::Mesh);
+        let assemblies = snapshot.assemblies.iter().cloned().map(AssetSource::Assembly);
+        let chunks = world.chunks.iter().cloned().map(AssetSource::Chunk);
+        let sources: Vec<AssetSource> = meshes.chain(assemblies).chain(chunks).collect();
         let (meshes, assemblies) = (snapshot.meshes.len(), snapshot.assemblies.len());
         let closures = closures(snapshot, meshes);
         let chunk_rows: Vec<Vec<AssetId>> = world
@@ -101,17 +101,17 @@ impl SceneAssets {
         let needed = needed(snapshot, meshes, &chunk_rows);
         let of_needed = || needed.iter().filter_map(|id| sources.get(*id as usize));
         let tiles: Vec<u64> = textures.images().flat_map(|(image, _)| image.layout().all_tile_bytes()).collect();
-        let tiles: Vec<u64> = tiles.into_iter().map(Source::held_bytes).collect();
+        let tiles: Vec<u64> = tiles.into_iter().map(AssetSource::held_bytes).collect();
         let tile_bytes = tiles.iter().sum();
-        let bytes = of_needed().map(Source::bytes).sum::<u64>() + tile_bytes;
-        let largest_bytes = of_needed().map(Source::bytes).max().unwrap_or(0);
-        let mut sections = [0; Source::SECTIONS.len()];
+        let bytes = of_needed().map(AssetSource::bytes).sum::<u64>() + tile_bytes;
+        let largest_bytes = of_needed().map(AssetSource::bytes).max().unwrap_or(0);
+        let mut sections = [0; AssetSource::SECTIONS.len()];
         for source in of_needed() {
             sections.iter_mut().zip(source.sections()).for_each(|(sum, bytes)| *sum += bytes);
         }
-        sections[Source::TILES] = tile_bytes;
+        sections[AssetSource::TILES] = tile_bytes;
         let rows = chunk_rows.into_iter().chain((0..meshes).map(|mesh| vec![asset_id(mesh)]));
-        let listed = Catalog::new(sources.iter().map(Source::bytes).collect(), rows).and_then(|catalog| {
+        let listed = UnitCatalog::new(sources.iter().map(AssetSource::bytes).collect(), rows).and_then(|catalog| {
             let mut catalog = catalog.with_bases(world.chunks.len());
             // A lookup needs no chunk.
             catalog.push_singles(&tiles)?;
@@ -136,12 +136,12 @@ impl SceneAssets {
     }
 
     /// Where an asset's bytes come from.
-    pub(crate) fn source(&self, asset: AssetId) -> Option<Source> {
+    pub(crate) fn source(&self, asset: AssetId) -> Option<AssetSource> {
         if let Some(source) = self.sources.get(asset as usize) {
             return Some(source.clone());
         }
         let (image, tile) = self.textures.locate(asset.checked_sub(self.first_tile())?)?;
-        Some(Source::Tile(Arc::clone(image), tile))
+        Some(AssetSource::Tile(Arc::clone(image), tile))
     }
 
     /// Its content key.
@@ -187,13 +187,13 @@ impl SceneAssets {
     /// A unit in words.
     pub(crate) fn describe(&self, unit: UnitId) -> String {
         match self.slot(self.own_asset(unit)) {
-            Slot::Mesh(mesh) => {
+            AssetSlot::Mesh(mesh) => {
                 let triangles = self.snapshot.meshes.get(mesh).map_or(0, |mesh| mesh.triangles);
                 format!("mesh {mesh} of {triangles} items")
             }
-            Slot::Assembly(assembly) => format!("assembly {assembly}"),
-            Slot::Chunk(chunk) => format!("chunk {chunk}"),
-            Slot::Tile(tile) => format!("tile {tile} of the textures"),
+            AssetSlot::Assembly(assembly) => format!("assembly {assembly}"),
+            AssetSlot::Chunk(chunk) => format!("chunk {chunk}"),
+            AssetSlot::Tile(tile) => format!("tile {tile} of the textures"),
         }
     }
 
@@ -203,23 +203,23 @@ impl SceneAssets {
     }
 
     /// Lists the bytes of the assets that some unit needs, by what they hold.
-    pub(crate) fn list(&self, inventory: &mut Inventory) {
-        for (name, bytes) in Source::SECTIONS.into_iter().zip(self.sections) {
+    pub(crate) fn list(&self, inventory: &mut RenderInventory) {
+        for (name, bytes) in AssetSource::SECTIONS.into_iter().zip(self.sections) {
             inventory.add(name, bytes);
         }
     }
 
     /// What `asset` stands for.
-    pub(crate) fn slot(&self, asset: AssetId) -> Slot {
+    pub(crate) fn slot(&self, asset: AssetId) -> AssetSlot {
         let at = asset as usize;
         if at < self.meshes {
-            Slot::Mesh(at)
+            AssetSlot::Mesh(at)
         } else if at < self.meshes + self.assemblies {
-            Slot::Assembly(at - self.meshes)
+            AssetSlot::Assembly(at - self.meshes)
         } else if at < self.meshes + self.assemblies + self.chunk_count() {
-            Slot::Chunk(at - self.meshes - self.assemblies)
+            AssetSlot::Chunk(at - self.meshes - self.assemblies)
         } else {
-            Slot::Tile(at - self.meshes - self.assemblies - self.chunk_count())
+            AssetSlot::Tile(at - self.meshes - self.assemblies - self.chunk_count())
         }
     }
 
@@ -275,23 +275,23 @@ impl SceneAssets {
 
     /// What a walk of any chunk most likely needs, known before there are trees over instances.
     pub(crate) fn likely_stack(&self) -> u32 {
-        self.deepest_stack(|asset| self.sources.get(asset as usize).map_or(0, Source::likely_stack))
+        self.deepest_stack(|asset| self.sources.get(asset as usize).map_or(0, AssetSource::likely_stack))
     }
 
     /// Entries that what `asset` places needs.
     fn below(&self, asset: AssetId, entries: &FxHashMap<AssetId, u32>) -> u32 {
         match self.sources.get(asset as usize) {
-            Some(Source::Assembly(assembly)) => self.deepest(&assembly.targets(), entries),
-            Some(Source::Chunk(chunk)) => self.deepest(chunk.targets(), entries),
-            Some(Source::Mesh(_) | Source::Tile(..)) | None => 0,
+            Some(AssetSource::Assembly(assembly)) => self.deepest(&assembly.targets(), entries),
+            Some(AssetSource::Chunk(chunk)) => self.deepest(chunk.targets(), entries),
+            Some(AssetSource::Mesh(_) | AssetSource::Tile(..)) | None => 0,
         }
     }
 
-    fn deepest(&self, targets: &[Target], entries: &FxHashMap<AssetId, u32>) -> u32 {
+    fn deepest(&self, targets: &[InstanceTarget], entries: &FxHashMap<AssetId, u32>) -> u32 {
         // Meshes say how deep they are before they come.
-        let of = |target: &Target| match *target {
-            Target::Mesh(mesh) => self.sources.get(mesh as usize).map(Source::likely_stack),
-            Target::Assembly(index) => entries.get(&asset_id(self.meshes + index as usize)).copied(),
+        let of = |target: &InstanceTarget| match *target {
+            InstanceTarget::Mesh(mesh) => self.sources.get(mesh as usize).map(AssetSource::likely_stack),
+            InstanceTarget::Assembly(index) => entries.get(&asset_id(self.meshes + index as usize)).copied(),
         };
         targets.iter().filter_map(of).max().unwrap_or(0)
     }
@@ -336,8 +336,8 @@ fn needed(snapshot: &Snapshot, meshes: usize, chunk_rows: &[Vec<AssetId>]) -> Ve
     let mut needed: FxHashSet<AssetId> = chunk_rows.iter().flatten().copied().collect();
     let is_placed = |index: &usize| needed.contains(&asset_id(meshes + index));
     let assemblies: Vec<usize> = (0..snapshot.assemblies.len()).filter(is_placed).collect();
-    let mut place = |target: &Target| {
-        if let Target::Mesh(mesh) = *target {
+    let mut place = |target: &InstanceTarget| {
+        if let InstanceTarget::Mesh(mesh) = *target {
             needed.insert(mesh);
         }
     };
@@ -351,10 +351,14 @@ fn needed(snapshot: &Snapshot, meshes: usize, chunk_rows: &[Vec<AssetId>]) -> Ve
 }
 
 /// `own` and all assemblies that the targets need, sorted.
-fn closure_of(targets: impl Iterator<Item = Target>, own: AssetId, assemblies: &[Vec<AssetId>]) -> Vec<AssetId> {
+fn closure_of(
+    targets: impl Iterator<Item = InstanceTarget>,
+    own: AssetId,
+    assemblies: &[Vec<AssetId>],
+) -> Vec<AssetId> {
     let mut closure = vec![own];
     for target in targets {
-        if let Target::Assembly(index) = target {
+        if let InstanceTarget::Assembly(index) = target {
             closure.extend(assemblies.get(index as usize).into_iter().flatten());
         }
     }

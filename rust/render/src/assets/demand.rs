@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 //! In core: brings the tiles of textures that waves lacked. Render thread only.
 
-use super::cache::Scene;
+use super::cache::DeviceScene;
 use super::source::AssetKey;
-use super::store::Patience;
+use super::store::MemoryWait;
 use crate::device::Device;
 use crate::error::RenderError;
-use crate::shared::Gate;
-use crate::timings::Timings;
+use crate::shared::FrameGate;
+use crate::timings::RenderTimings;
 use oocpt_core::residency::AssetId;
-use oocpt_gpu::Commands;
+use oocpt_gpu::CommandList;
 use rustc_hash::FxHashMap;
 use std::time::{Duration, Instant};
 
@@ -29,15 +29,15 @@ pub(crate) enum TilesOutcome {
     GivenUp,
 }
 
-impl Scene {
+impl DeviceScene {
     /// Brings tiles, numbered over the scene, so that all tiles and geometry take at most `cap` bytes.
     pub(crate) fn bring_tiles(
         &mut self,
         device: &Device,
         tiles: &[u32],
         cap: Option<u64>,
-        gate: &Gate<'_>,
-        timings: &mut Timings,
+        gate: &FrameGate<'_>,
+        timings: &mut RenderTimings,
     ) -> Result<TilesOutcome, RenderError> {
         let started = Instant::now();
         let wanted = self.missing_tiles(tiles);
@@ -58,7 +58,9 @@ impl Scene {
                 if on_the_way > 0 && on_the_way + cost > IN_FLIGHT_BYTES {
                     break;
                 }
-                if !(self.store.begin(device, &self.assets, asset, Patience::Now)? || self.maps_tile(device, asset)?) {
+                if !(self.store.begin(device, &self.assets, asset, MemoryWait::Now)?
+                    || self.maps_tile(device, asset)?)
+                {
                     self.store.forget_arriving();
                     return Ok(TilesOutcome::NoRoom);
                 }
@@ -95,11 +97,15 @@ impl Scene {
         Ok(TilesOutcome::All(shown))
     }
 
-    /// Begins to bring a tile into host memory, where the scene has streamed and so there is a limit of it.
+    /// Whether tiles that find no room on the device are read in host memory: where there is a limit of it.
+    pub(crate) fn maps_tiles(&self, device: &Device) -> bool {
+        device.host_heap_if_made().is_some_and(|heap| heap.limit().is_some())
+    }
+
+    /// Begins to bring a tile into host memory, where that may be.
     fn maps_tile(&mut self, device: &Device, asset: AssetId) -> Result<bool, RenderError> {
-        let has_limit = device.host_heap_if_made().is_some_and(|heap| heap.limit().is_some());
         match self.assets.source(asset) {
-            Some(source) if has_limit => self.store.map_now(device, (asset, source)),
+            Some(source) if self.maps_tiles(device) => self.store.map_now(device, (asset, source)),
             _ => Ok(false),
         }
     }
@@ -118,15 +124,14 @@ impl Scene {
     }
 
     /// Those of `tiles` that are not there, in the order to bring them: the first of each image, then the second of
-    /// each, so that
-    /// several files are decoded at a time.
+    /// each, so that several files are decoded at a time.
     fn missing_tiles(&self, tiles: &[u32]) -> Vec<AssetId> {
         let mut seen: FxHashMap<u64, u32> = FxHashMap::default();
         let mut wanted: Vec<(u32, AssetId)> = Vec::with_capacity(tiles.len());
         for &tile in tiles {
             let Some((image, number)) = self.assets.textures.locate(tile) else { continue };
             let asset = self.assets.first_tile() + tile;
-            if self.assets.key(asset).is_none_or(|key| self.store.get(&key).is_some()) {
+            if self.assets.key(asset).is_none_or(|key| self.store.reached(&key).is_some()) {
                 continue;
             }
             image.expect(number);
@@ -146,7 +151,7 @@ impl Scene {
     }
 
     /// Records the entries of assets that have come.
-    pub(crate) fn write_entries(&self, commands: &mut Commands, assets: &[AssetId]) {
+    pub(crate) fn write_entries(&self, commands: &mut CommandList, assets: &[AssetId]) {
         if let Some(tables) = self.tables() {
             commands.concurrent(|c| tables.update(c, &self.assets, self.entries(), assets));
         }

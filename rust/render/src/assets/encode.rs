@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Writes an asset's bytes into staging memory piece by piece and records the copies. Runs on the loader's threads.
 
-use super::level::Piece;
-use super::load::Copied;
+use super::level::EncodedPiece;
+use super::load::CopiedAssets;
 use super::source::MeshLayout;
 use super::surfaces::attributes;
 use crate::error::RenderError;
 use oocpt_abi::{GpuPoint, GpuTriangle};
 use oocpt_core::mesh::{Attribute, LeafKind, MeshAsset, SceneMesh, Triangle};
-use oocpt_gpu::{Commands, DeviceRange, Gpu, StagingRing, StagingSlice, Submission};
+use oocpt_gpu::{CommandList, DeviceRange, Gpu, StagingRing, StagingSlice, Submission};
 use std::sync::Arc;
 
 /// Staging bytes of one piece.
@@ -23,16 +23,16 @@ const SIDES: usize = SUBSET + 2;
 const PTEX: usize = std::mem::offset_of!(GpuTriangle, ptex);
 
 /// Copies of one asset under way.
-pub(crate) struct Writer<'a> {
+pub(crate) struct AssetCopier<'a> {
     gpu: &'a Arc<Gpu>,
     ring: &'a StagingRing,
-    commands: Option<Commands>,
+    commands: Option<CommandList>,
     pending: usize,
     submissions: Vec<Submission>,
     bytes: u64,
 }
 
-impl<'a> Writer<'a> {
+impl<'a> AssetCopier<'a> {
     pub(crate) fn new(gpu: &'a Arc<Gpu>, ring: &'a StagingRing) -> Self {
         Self { gpu, ring, commands: None, pending: 0, submissions: Vec::new(), bytes: 0 }
     }
@@ -73,7 +73,7 @@ impl<'a> Writer<'a> {
         Ok(self.ring.reserve(bytes as u64, 16)?)
     }
 
-    fn commands(&mut self) -> Result<&mut Commands, RenderError> {
+    fn commands(&mut self) -> Result<&mut CommandList, RenderError> {
         match &mut self.commands {
             Some(commands) => Ok(commands),
             none => {
@@ -101,13 +101,13 @@ impl<'a> Writer<'a> {
     }
 
     /// Submits what is left; what to wait for, and the bytes copied.
-    pub(crate) fn finish(mut self) -> Result<Copied, RenderError> {
+    pub(crate) fn finish(mut self) -> Result<CopiedAssets, RenderError> {
         self.submit()?;
-        Ok(Copied { submissions: self.submissions, bytes: self.bytes, ..Copied::default() })
+        Ok(CopiedAssets { submissions: self.submissions, bytes: self.bytes, ..CopiedAssets::default() })
     }
 
     /// Copies pieces of an asset.
-    pub(crate) fn pieces(&mut self, pieces: &[Piece], target: &dyn DeviceRange) -> Result<(), RenderError> {
+    pub(crate) fn pieces(&mut self, pieces: &[EncodedPiece], target: &dyn DeviceRange) -> Result<(), RenderError> {
         pieces.iter().try_for_each(|piece| self.bytes(target, piece.offset, &piece.bytes))
     }
 
@@ -226,7 +226,7 @@ fn triangle(triangle: &Triangle) -> GpuTriangle {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use oocpt_gpu::{Buffer, OpenOptions, Usage};
+    use oocpt_gpu::{Buffer, BufferUsage, OpenOptions};
     use std::sync::mpsc;
     use std::time::Duration;
 
@@ -240,8 +240,8 @@ mod tests {
         for thread in 0..4_u8 {
             let (gpu, ring, done) = (Arc::clone(&gpu), Arc::clone(&ring), done.clone());
             std::thread::spawn(move || {
-                let target = Buffer::new(&gpu, "target", bytes, Usage::Readback).expect("memory");
-                let mut writer = Writer::new(&gpu, &ring);
+                let target = Buffer::new(&gpu, "target", bytes, BufferUsage::Readback).expect("memory");
+                let mut writer = AssetCopier::new(&gpu, &ring);
                 let data = vec![thread; usize::try_from(bytes).expect("small")];
                 let written = writer.bytes(&target, 0, &data).and_then(|()| writer.finish());
                 let written = written.expect("written");

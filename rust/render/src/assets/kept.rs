@@ -4,7 +4,7 @@
 //! Bounded in bytes. What came first stays: units come back in no order that tells which of them to let go, and one
 //! that is not kept costs no more than encoding it. Any thread.
 
-use super::level::Encoded;
+use super::level::EncodedAsset;
 use super::source::AssetKey;
 use crate::sync::lock;
 use rustc_hash::FxHashMap;
@@ -13,15 +13,15 @@ use std::sync::{Arc, Mutex};
 /// See the module.
 #[derive(Debug, Default)]
 pub(crate) struct EncodedAssets {
-    state: Mutex<State>,
+    state: Mutex<KeptAssets>,
 }
 
 #[derive(Debug, Default)]
-struct State {
+struct KeptAssets {
     /// Most bytes.
     most: u64,
     bytes: u64,
-    encoded: FxHashMap<AssetKey, Arc<Encoded>>,
+    encoded: FxHashMap<AssetKey, Arc<EncodedAsset>>,
 }
 
 impl EncodedAssets {
@@ -40,12 +40,12 @@ impl EncodedAssets {
     }
 
     /// What is kept of an asset.
-    pub(crate) fn get(&self, key: &AssetKey) -> Option<Arc<Encoded>> {
+    pub(crate) fn get(&self, key: &AssetKey) -> Option<Arc<EncodedAsset>> {
         lock(&self.state).encoded.get(key).cloned()
     }
 
     /// Keeps an asset if there is room.
-    pub(crate) fn offer(&self, key: AssetKey, encoded: Encoded) {
+    pub(crate) fn offer(&self, key: AssetKey, encoded: EncodedAsset) {
         let bytes = encoded.bytes();
         let mut state = lock(&self.state);
         if state.bytes + bytes <= state.most && !state.encoded.contains_key(&key) {
@@ -64,11 +64,11 @@ impl EncodedAssets {
 
 #[cfg(test)]
 mod tests {
-    use super::super::level::Piece;
+    use super::super::level::EncodedPiece;
     use super::*;
 
-    fn encoded(bytes: usize) -> Encoded {
-        Encoded { pieces: vec![Piece { offset: 0, bytes: vec![7; bytes] }], stack: 3 }
+    fn encoded(bytes: usize) -> EncodedAsset {
+        EncodedAsset { pieces: vec![EncodedPiece { offset: 0, bytes: vec![7; bytes] }], stack: 3 }
     }
 
     #[test]

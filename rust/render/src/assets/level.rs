@@ -4,12 +4,12 @@
 //! The result holds no address, so it can be kept and brought to the device again, wherever it will lie. Pure; threads
 //! encode stretches of records in parallel, and the one that finishes the last stretch builds the tree.
 
-use super::source::Source;
+use super::source::AssetSource;
 use super::values::ValueLayout;
 use oocpt_abi::{FLIPS_HANDEDNESS, GpuInstance, GpuMotionKey, TARGET_ASSEMBLY, TARGET_MOVING};
 use oocpt_core::Aabb;
 use oocpt_core::mesh::build_level;
-use oocpt_core::scene::{InstanceFlags, InstanceRecord, MotionKey, Target};
+use oocpt_core::scene::{InstanceFlags, InstanceRecord, InstanceTarget, MotionKey};
 use std::ops::Range;
 
 /// Records that one thread encodes at a time.
@@ -17,20 +17,20 @@ const PART_RECORDS: usize = 4096;
 
 /// Bytes of an asset, and where they lie in it.
 #[derive(Debug, PartialEq, Eq)]
-pub(crate) struct Piece {
+pub(crate) struct EncodedPiece {
     pub(crate) offset: u64,
     pub(crate) bytes: Vec<u8>,
 }
 
 /// An assembly or chunk as the device wants it.
 #[derive(Debug, Default)]
-pub(crate) struct Encoded {
-    pub(crate) pieces: Vec<Piece>,
+pub(crate) struct EncodedAsset {
+    pub(crate) pieces: Vec<EncodedPiece>,
     /// Stack entries that a walk of its tree needs.
     pub(crate) stack: u32,
 }
 
-impl Encoded {
+impl EncodedAsset {
     /// Bytes of host memory.
     pub(crate) fn bytes(&self) -> u64 {
         self.pieces.iter().map(|piece| piece.bytes.capacity() as u64).sum()
@@ -39,38 +39,38 @@ impl Encoded {
 
 /// A stretch of records.
 #[derive(Debug)]
-pub(crate) struct Stretch {
+pub(crate) struct EncodedStretch {
     first: usize,
-    pub(crate) pieces: Vec<Piece>,
+    pub(crate) pieces: Vec<EncodedPiece>,
     boxes: Vec<Aabb>,
 }
 
 /// The stretches that threads may encode side by side.
-pub(crate) fn stretches(source: &Source) -> impl Iterator<Item = Range<usize>> {
+pub(crate) fn stretches(source: &AssetSource) -> impl Iterator<Item = Range<usize>> {
     let count = source.records();
     (0..count.max(1)).step_by(PART_RECORDS).map(move |first| first..(first + PART_RECORDS).min(count))
 }
 
 /// Encodes records `range` of `source` with their values and keys.
-pub(crate) fn encode(source: &Source, range: Range<usize>) -> Stretch {
+pub(crate) fn encode(source: &AssetSource, range: Range<usize>) -> EncodedStretch {
     let mut records = vec![InstanceRecord::default(); range.len()];
     source.encode(range.clone(), &mut records);
     let boxes = records.iter().map(|record| Aabb { min: record.bounds[0], max: record.bounds[1] }).collect();
     let mut pieces = vec![instances(source, range.clone(), &records)];
     values(source, range.clone(), &mut pieces);
     pieces.extend(keys(source, range.clone()));
-    Stretch { first: range.start, pieces, boxes }
+    EncodedStretch { first: range.start, pieces, boxes }
 }
 
 /// The tree over the records of all stretches, and the stack entries that a walk of it needs.
-pub(crate) fn tree(source: &Source, stretches: &mut [Stretch]) -> (Piece, u32) {
+pub(crate) fn tree(source: &AssetSource, stretches: &mut [EncodedStretch]) -> (EncodedPiece, u32) {
     stretches.sort_unstable_by_key(|stretch| stretch.first);
     let boxes: Vec<Aabb> = stretches.iter_mut().flat_map(|stretch| std::mem::take(&mut stretch.boxes)).collect();
     let tree = build_level(&boxes);
-    (Piece { offset: source.nodes_at(), bytes: bytemuck::cast_slice(&tree.nodes).to_vec() }, tree.stack)
+    (EncodedPiece { offset: source.nodes_at(), bytes: bytemuck::cast_slice(&tree.nodes).to_vec() }, tree.stack)
 }
 
-fn instances(source: &Source, range: Range<usize>, records: &[InstanceRecord]) -> Piece {
+fn instances(source: &AssetSource, range: Range<usize>, records: &[InstanceRecord]) -> EncodedPiece {
     const RECORD: usize = size_of::<GpuInstance>();
     let (keys_at, mut key) = (source.keys_at(), source.keys_before(range.start));
     let mut bytes = Vec::with_capacity(records.len() * RECORD);
@@ -87,34 +87,34 @@ fn instances(source: &Source, range: Range<usize>, records: &[InstanceRecord]) -
         }
         bytes.extend_from_slice(bytemuck::bytes_of(&instance));
     }
-    Piece { offset: (range.start * RECORD) as u64, bytes }
+    EncodedPiece { offset: (range.start * RECORD) as u64, bytes }
 }
 
 /// The values of records; with those of the first record, the table's entries.
-fn values(source: &Source, range: Range<usize>, pieces: &mut Vec<Piece>) {
+fn values(source: &AssetSource, range: Range<usize>, pieces: &mut Vec<EncodedPiece>) {
     let layout = ValueLayout::new(source.columns(), source.records());
     let table = source.values_at();
     if range.start == 0 && !layout.columns.is_empty() {
-        pieces.push(Piece { offset: table, bytes: bytemuck::cast_slice(&layout.entries()).to_vec() });
+        pieces.push(EncodedPiece { offset: table, bytes: bytemuck::cast_slice(&layout.entries()).to_vec() });
     }
     for (column, at) in &layout.columns {
         let width = column.width as usize;
         let mut values = vec![0.0_f32; range.len() * width];
         source.encode_values(*column, range.clone(), &mut values);
         let offset = table + at + (range.start * 4 * width) as u64;
-        pieces.push(Piece { offset, bytes: bytemuck::cast_slice(&values).to_vec() });
+        pieces.push(EncodedPiece { offset, bytes: bytemuck::cast_slice(&values).to_vec() });
     }
 }
 
 /// The keys of those records that move.
-fn keys(source: &Source, range: Range<usize>) -> Option<Piece> {
+fn keys(source: &AssetSource, range: Range<usize>) -> Option<EncodedPiece> {
     let first = source.keys_before(range.start);
     let mut bytes = Vec::new();
     source.encode_keys(range, |of_record| {
         of_record.iter().for_each(|key| bytes.extend_from_slice(bytemuck::bytes_of(&motion_key(key))));
     });
     let offset = source.keys_at() + (first * size_of::<GpuMotionKey>()) as u64;
-    (!bytes.is_empty()).then_some(Piece { offset, bytes })
+    (!bytes.is_empty()).then_some(EncodedPiece { offset, bytes })
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is what is wanted")]
@@ -138,8 +138,8 @@ fn instance(record: &InstanceRecord) -> GpuInstance {
     GpuInstance {
         object_from_parent: record.object_from_parent,
         target: match record.target {
-            Target::Mesh(index) => index,
-            Target::Assembly(index) => index | TARGET_ASSEMBLY,
+            InstanceTarget::Mesh(index) => index,
+            InstanceTarget::Assembly(index) => index | TARGET_ASSEMBLY,
         },
         prim_id: record.prim_id,
         index_in_prototype: record.index_in_prototype,

@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Brings assets to the device on the loader's threads while the render thread traces: encode, write to pinned staging
 //! memory, copy on the transfer queue. What is kept encoded is only written and copied. A load belongs to an
-//! [`Inbox`]; what was asked for by an inbox that is gone is skipped.
+//! [`LoadInbox`]; what was asked for by an inbox that is gone is skipped.
 
-use super::encode::Writer;
+use super::encode::AssetCopier;
 use super::kept::EncodedAssets;
-use super::level::{self, Encoded, Piece, Stretch};
-use super::source::{AssetKey, Source};
+use super::level::{self, EncodedAsset, EncodedPiece, EncodedStretch};
+use super::source::{AssetKey, AssetSource};
 use crate::error::RenderError;
 use crate::loader::Loader;
-use crate::reading::Reading;
+use crate::reading::ReadingLimit;
 use crate::sync::lock;
 use crossbeam_channel::{Receiver, Sender, unbounded};
 use oocpt_abi::Bvh4Node;
@@ -27,56 +27,56 @@ const COPY_BYTES: u64 = 1 << 20;
 
 /// An asset that is to come to the device.
 #[derive(Debug)]
-pub(crate) struct Wanted {
+pub(crate) struct WantedAsset {
     pub(crate) asset: AssetId,
-    pub(crate) source: Source,
+    pub(crate) source: AssetSource,
     pub(crate) target: Arc<HeapRange>,
 }
 
 /// Assets that come to the device together.
 #[derive(Debug)]
-struct Load {
-    wanted: Vec<Wanted>,
+struct AssetLoad {
+    wanted: Vec<WantedAsset>,
     /// Where what is encoded stays, and comes from again.
     kept: Arc<EncodedAssets>,
-    reading: Arc<Reading>,
-    reply: Sender<Loaded>,
+    reading: Arc<ReadingLimit>,
+    reply: Sender<LoadResult>,
     /// Gone when nobody waits for the result any more.
     alive: Weak<()>,
-    progress: Mutex<Progress>,
+    progress: Mutex<LoadProgress>,
 }
 
 /// How far the parts of a load are.
 #[derive(Debug)]
-struct Progress {
+struct LoadProgress {
     left: usize,
     /// Of assemblies and chunks: parts that are not encoded yet, and what the others became.
-    levels: FxHashMap<usize, (usize, Vec<Stretch>)>,
+    levels: FxHashMap<usize, (usize, Vec<EncodedStretch>)>,
     /// What the finished parts have left behind.
-    sum: Result<Copied, RenderError>,
+    sum: Result<CopiedAssets, RenderError>,
 }
 
 /// A part of a load: several threads work on one, so that a ray waits as short as possible.
 #[derive(Debug)]
-enum Part {
+enum LoadPart {
     /// All of these meshes and tiles.
     Whole(Range<usize>),
     /// Records of an assembly or a chunk.
     Records(usize, Range<usize>),
     /// Pieces of what is kept of an assembly or a chunk.
-    Pieces(usize, Arc<Encoded>, Range<usize>),
+    Pieces(usize, Arc<EncodedAsset>, Range<usize>),
 }
 
 /// A part of a load on its way through the queue.
 #[derive(Debug)]
-struct Job {
-    load: Arc<Load>,
-    part: Part,
+struct LoadJob {
+    load: Arc<AssetLoad>,
+    part: LoadPart,
 }
 
 /// Copies to the device.
 #[derive(Debug, Default)]
-pub(crate) struct Copied {
+pub(crate) struct CopiedAssets {
     /// What to wait for.
     pub(crate) submissions: Vec<Submission>,
     pub(crate) bytes: u64,
@@ -87,34 +87,34 @@ pub(crate) struct Copied {
 }
 
 /// What became of a load.
-pub(crate) type Loaded = Result<Copied, RenderError>;
+pub(crate) type LoadResult = Result<CopiedAssets, RenderError>;
 
 /// Where the results of one scene's jobs arrive.
 #[derive(Debug)]
-pub(crate) struct Inbox {
-    reply: Sender<Loaded>,
-    results: Receiver<Loaded>,
+pub(crate) struct LoadInbox {
+    reply: Sender<LoadResult>,
+    results: Receiver<LoadResult>,
     wanted: Arc<()>,
     in_flight: AtomicU64,
 }
 
-impl Default for Inbox {
+impl Default for LoadInbox {
     fn default() -> Self {
         let (reply, results) = unbounded();
         Self { reply, results, wanted: Arc::new(()), in_flight: AtomicU64::new(0) }
     }
 }
 
-impl Inbox {
+impl LoadInbox {
     /// A result that is there.
-    pub(crate) fn try_next(&self) -> Option<Loaded> {
+    pub(crate) fn try_next(&self) -> Option<LoadResult> {
         let loaded = self.results.try_recv().ok()?;
         self.in_flight.fetch_sub(1, Ordering::Relaxed);
         Some(loaded)
     }
 
     /// The next result, none after `timeout` or when nothing is under way.
-    pub(crate) fn next(&self, timeout: Duration) -> Option<Loaded> {
+    pub(crate) fn next(&self, timeout: Duration) -> Option<LoadResult> {
         if self.in_flight() == 0 {
             return None;
         }
@@ -127,14 +127,14 @@ impl Inbox {
     pub(crate) fn load(
         &self,
         loader: &Loader,
-        wanted: Vec<Wanted>,
+        wanted: Vec<WantedAsset>,
         kept: &Arc<EncodedAssets>,
     ) -> Result<(), RenderError> {
         if wanted.is_empty() {
             return Ok(());
         }
         let (parts, progress) = parts(&wanted, kept);
-        let load = Arc::new(Load {
+        let load = Arc::new(AssetLoad {
             wanted,
             kept: Arc::clone(kept),
             reading: Arc::clone(loader.reading()),
@@ -143,7 +143,7 @@ impl Inbox {
             progress: Mutex::new(progress),
         });
         for part in parts {
-            let job = Job { load: Arc::clone(&load), part };
+            let job = LoadJob { load: Arc::clone(&load), part };
             loader.run(Box::new(|gpu, ring| job.run(gpu, ring)))?;
         }
         self.in_flight.fetch_add(1, Ordering::Relaxed);
@@ -157,41 +157,41 @@ impl Inbox {
 }
 
 /// The parts that threads may write side by side, at least one; what is known of the assets from the start.
-fn parts(wanted: &[Wanted], kept: &EncodedAssets) -> (Vec<Part>, Progress) {
+fn parts(wanted: &[WantedAsset], kept: &EncodedAssets) -> (Vec<LoadPart>, LoadProgress) {
     let mut parts = Vec::new();
-    let mut copied = Copied::default();
+    let mut copied = CopiedAssets::default();
     let mut levels = FxHashMap::default();
     // Encoding takes longest.
-    for (at, Wanted { asset, source, .. }) in wanted.iter().enumerate() {
+    for (at, WantedAsset { asset, source, .. }) in wanted.iter().enumerate() {
         match source {
-            Source::Tile(..) => copied.assets.push((*asset, 0)),
-            Source::Mesh(mesh) => copied.assets.push((*asset, mesh.stack)),
-            Source::Assembly(_) | Source::Chunk(_) => match kept.get(&source.key()) {
+            AssetSource::Tile(..) => copied.assets.push((*asset, 0)),
+            AssetSource::Mesh(mesh) => copied.assets.push((*asset, mesh.stack)),
+            AssetSource::Assembly(_) | AssetSource::Chunk(_) => match kept.get(&source.key()) {
                 Some(encoded) => {
                     copied.assets.push((*asset, encoded.stack));
                     let sizes = encoded.pieces.iter().map(|piece| piece.bytes.len() as u64);
                     let ranges = groups(sizes);
-                    parts.extend(ranges.into_iter().map(|range| Part::Pieces(at, Arc::clone(&encoded), range)));
+                    parts.extend(ranges.into_iter().map(|range| LoadPart::Pieces(at, Arc::clone(&encoded), range)));
                 }
                 None => {
                     let before = parts.len();
-                    parts.extend(level::stretches(source).map(|records| Part::Records(at, records)));
+                    parts.extend(level::stretches(source).map(|records| LoadPart::Records(at, records)));
                     levels.insert(at, (parts.len() - before, Vec::new()));
                 }
             },
         }
     }
     let sizes = wanted.iter().map(|wanted| match wanted.source {
-        Source::Mesh(_) | Source::Tile(..) => wanted.source.size(),
-        Source::Assembly(_) | Source::Chunk(_) => 0,
+        AssetSource::Mesh(_) | AssetSource::Tile(..) => wanted.source.size(),
+        AssetSource::Assembly(_) | AssetSource::Chunk(_) => 0,
     });
-    parts.extend(groups(sizes).into_iter().map(Part::Whole));
+    parts.extend(groups(sizes).into_iter().map(LoadPart::Whole));
     if parts.is_empty() {
         // Nothing to copy is a result too.
-        parts.push(Part::Whole(0..wanted.len()));
+        parts.push(LoadPart::Whole(0..wanted.len()));
     }
     let left = parts.len();
-    (parts, Progress { left, levels, sum: Ok(copied) })
+    (parts, LoadProgress { left, levels, sum: Ok(copied) })
 }
 
 /// Ranges of items of these sizes, [`COPY_BYTES`] each at least but for the last; none that is of nothing.
@@ -211,30 +211,30 @@ fn groups(sizes: impl Iterator<Item = u64>) -> Vec<Range<usize>> {
     groups
 }
 
-impl Job {
+impl LoadJob {
     fn run(self, gpu: &Arc<Gpu>, ring: &StagingRing) {
         if self.load.alive.strong_count() == 0 {
             return;
         }
-        let mut writer = Writer::new(gpu, ring);
+        let mut writer = AssetCopier::new(gpu, ring);
         let written = catch_unwind(AssertUnwindSafe(|| self.write(&mut writer)))
             .unwrap_or_else(|_| Err(RenderError::Internal("a loader thread panicked".into())));
-        self.load.done(
-            written.and_then(|Copied { assets, left_out, .. }| Ok(Copied { assets, left_out, ..writer.finish()? })),
-        );
+        self.load.done(written.and_then(|CopiedAssets { assets, left_out, .. }| {
+            Ok(CopiedAssets { assets, left_out, ..writer.finish()? })
+        }));
     }
 
     /// Writes the part; gives the assets that are complete with it and were not before, with their stack entries, and
     /// those that cannot be had.
-    fn write(&self, writer: &mut Writer<'_>) -> Result<Copied, RenderError> {
-        let mut copied = Copied::default();
+    fn write(&self, writer: &mut AssetCopier<'_>) -> Result<CopiedAssets, RenderError> {
+        let mut copied = CopiedAssets::default();
         let of = |at: usize| {
             let wanted = self.load.wanted.get(at);
             wanted.ok_or_else(|| RenderError::Internal("a part of an asset that is not wanted".into()))
         };
         match &self.part {
-            Part::Records(at, range) => {
-                let Wanted { asset, source, target } = of(*at)?;
+            LoadPart::Records(at, range) => {
+                let WantedAsset { asset, source, target } = of(*at)?;
                 let stretch = level::encode(source, range.clone());
                 writer.pieces(&stretch.pieces, &**target)?;
                 let Some(stretches) = self.load.encoded(*at, stretch) else { return Ok(copied) };
@@ -243,13 +243,13 @@ impl Job {
                 self.load.kept.offer(source.key(), encoded);
                 copied.assets.push((*asset, stack));
             }
-            Part::Pieces(at, encoded, range) => {
+            LoadPart::Pieces(at, encoded, range) => {
                 writer.pieces(encoded.pieces.get(range.clone()).unwrap_or_default(), &*of(*at)?.target)?;
             }
-            Part::Whole(range) => {
-                for Wanted { source, target, .. } in self.load.wanted.get(range.clone()).unwrap_or_default() {
+            LoadPart::Whole(range) => {
+                for WantedAsset { source, target, .. } in self.load.wanted.get(range.clone()).unwrap_or_default() {
                     match source {
-                        Source::Mesh(mesh) => {
+                        AssetSource::Mesh(mesh) => {
                             // Others may wait for the staging memory of copies in hand.
                             let read = mesh.bytes_to_read();
                             let _read =
@@ -262,8 +262,8 @@ impl Job {
                                 }
                             }
                         }
-                        Source::Tile(image, tile) => writer.bytes(&**target, 0, &image.tile(*tile))?,
-                        Source::Assembly(_) | Source::Chunk(_) => {}
+                        AssetSource::Tile(image, tile) => writer.bytes(&**target, 0, &image.tile(*tile))?,
+                        AssetSource::Assembly(_) | AssetSource::Chunk(_) => {}
                     }
                 }
             }
@@ -284,20 +284,20 @@ const NO_MESH: Bvh4Node = Bvh4Node {
 
 /// Has the tree over all records written: the whole of an assembly or chunk.
 fn finish(
-    source: &Source,
-    mut stretches: Vec<Stretch>,
-    write: impl FnOnce(&[Piece]) -> Result<(), RenderError>,
-) -> Result<Encoded, RenderError> {
+    source: &AssetSource,
+    mut stretches: Vec<EncodedStretch>,
+    write: impl FnOnce(&[EncodedPiece]) -> Result<(), RenderError>,
+) -> Result<EncodedAsset, RenderError> {
     let (nodes, stack) = level::tree(source, &mut stretches);
     write(std::slice::from_ref(&nodes))?;
-    let mut pieces: Vec<Piece> = stretches.into_iter().flat_map(|stretch| stretch.pieces).collect();
+    let mut pieces: Vec<EncodedPiece> = stretches.into_iter().flat_map(|stretch| stretch.pieces).collect();
     pieces.push(nodes);
-    Ok(Encoded { pieces, stack })
+    Ok(EncodedAsset { pieces, stack })
 }
 
-impl Load {
+impl AssetLoad {
     /// Takes note of a stretch of an assembly or chunk; the last one gets all of them.
-    fn encoded(&self, at: usize, stretch: Stretch) -> Option<Vec<Stretch>> {
+    fn encoded(&self, at: usize, stretch: EncodedStretch) -> Option<Vec<EncodedStretch>> {
         let mut progress = lock(&self.progress);
         let (left, stretches) = progress.levels.get_mut(&at)?;
         *left = left.saturating_sub(1);
@@ -306,7 +306,7 @@ impl Load {
     }
 
     /// Takes note of one part; the last one sends the result.
-    fn done(&self, result: Result<Copied, RenderError>) {
+    fn done(&self, result: Result<CopiedAssets, RenderError>) {
         let mut progress = lock(&self.progress);
         progress.left = progress.left.saturating_sub(1);
         match (&mut progress.sum, result) {
@@ -322,7 +322,7 @@ impl Load {
         if progress.left > 0 {
             return;
         }
-        let result = std::mem::replace(&mut progress.sum, Ok(Copied::default()));
+        let result = std::mem::replace(&mut progress.sum, Ok(CopiedAssets::default()));
         drop(progress);
         if self.reply.send(result).is_err() {
             tracing::debug!("nobody waits for a load any more");

@@ -21,13 +21,13 @@ mod surfaces;
 mod tables;
 mod values;
 
-pub(crate) use cache::{Scene, SceneCache, SceneView};
+pub(crate) use cache::{DeviceScene, SceneCache, SceneView};
 pub(crate) use catalog::SceneAssets;
 pub(crate) use demand::TilesOutcome;
-pub(crate) use encode::Writer;
+pub(crate) use encode::AssetCopier;
 pub(crate) use host_heap::{HostHeapFiller, bytes_with_holes};
 pub(crate) use level::motion_key;
-pub(crate) use store::{Patience, Store};
+pub(crate) use store::{AssetStore, MemoryWait};
 #[cfg(test)]
 pub(crate) use surfaces::SurfaceEntries;
-pub(crate) use tables::{Entries, Tables};
+pub(crate) use tables::{SceneTables, TableEntries};

@@ -3,8 +3,8 @@
 //! Render thread only.
 
 use super::kept::EncodedAssets;
-use super::load::{Copied, Inbox, Wanted};
-use super::source::{AssetKey, Source};
+use super::load::{CopiedAssets, LoadInbox, WantedAsset};
+use super::source::{AssetKey, AssetSource};
 use crate::device::Device;
 use crate::error::RenderError;
 use oocpt_core::residency::AssetId;
@@ -17,13 +17,13 @@ const LOAD_BYTES: u64 = 4 << 20;
 
 /// An asset that rays may use.
 #[derive(Debug)]
-pub(crate) struct Resident {
+pub(crate) struct ResidentAsset {
     pub(super) memory: Arc<HeapRange>,
     /// Stack entries that a walk of its own tree needs.
     pub(crate) stack: u32,
 }
 
-impl Resident {
+impl ResidentAsset {
     /// Device address of its first byte.
     pub(crate) fn address(&self) -> u64 {
         self.memory.address()
@@ -33,12 +33,12 @@ impl Resident {
 /// See the module.
 #[derive(Debug, Default)]
 pub(super) struct AssetMemory {
-    pub(super) inbox: Inbox,
-    pub(super) ready: FxHashMap<AssetKey, Resident>,
+    pub(super) inbox: LoadInbox,
+    pub(super) ready: FxHashMap<AssetKey, ResidentAsset>,
     /// The memory of assets on their way.
     pub(super) arriving: FxHashMap<AssetId, Arc<HeapRange>>,
     /// Of these, what the loader was not asked for yet, and its bytes.
-    begun: Vec<Wanted>,
+    begun: Vec<WantedAsset>,
     begun_bytes: u64,
 }
 
@@ -48,12 +48,12 @@ impl AssetMemory {
         &mut self,
         device: &Device,
         kept: &Arc<EncodedAssets>,
-        (asset, source): (AssetId, Source),
+        (asset, source): (AssetId, AssetSource),
         memory: HeapRange,
     ) -> Result<(), RenderError> {
         let memory = Arc::new(memory);
-        let is_tile = matches!(source, Source::Tile(..));
-        let wanted = Wanted { asset, source, target: Arc::clone(&memory) };
+        let is_tile = matches!(source, AssetSource::Tile(..));
+        let wanted = WantedAsset { asset, source, target: Arc::clone(&memory) };
         self.arriving.insert(asset, Arc::clone(&memory));
         if is_tile {
             // Its file may take long to decode: nothing else should wait for it.
@@ -80,22 +80,22 @@ impl AssetMemory {
 
     /// Forgets what is on its way.
     pub(super) fn forget_arriving(&mut self) {
-        self.inbox = Inbox::default();
+        self.inbox = LoadInbox::default();
         self.arriving.clear();
         (self.begun, self.begun_bytes) = (Vec::new(), 0);
     }
 
     /// Takes note of what was copied; gives the assets that are ready now.
-    pub(super) fn land(
+    pub(super) fn note_copied(
         &mut self,
-        copied: &Copied,
+        copied: &CopiedAssets,
         key: impl Fn(AssetId) -> Option<AssetKey>,
     ) -> impl Iterator<Item = AssetId> {
         let mut ready = Vec::new();
         for &(asset, stack) in &copied.assets {
             let Some(memory) = self.arriving.remove(&asset) else { continue };
             if let Some(key) = key(asset) {
-                self.ready.insert(key, Resident { memory, stack });
+                self.ready.insert(key, ResidentAsset { memory, stack });
             }
             ready.push(asset);
         }

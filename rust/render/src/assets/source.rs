@@ -26,7 +26,7 @@ const MAX_RECORDS: u64 = 1 << 26;
 
 /// Where an asset's bytes come from.
 #[derive(Clone, Debug)]
-pub(crate) enum Source {
+pub(crate) enum AssetSource {
     Mesh(Arc<SceneMesh>),
     Assembly(Arc<Assembly>),
     Chunk(Arc<Chunk>),
@@ -97,7 +97,7 @@ fn node_bytes(count: usize) -> u64 {
     (level_node_count(count) * size_of::<LevelNode>()) as u64
 }
 
-impl Source {
+impl AssetSource {
     /// Its content key.
     pub(crate) fn key(&self) -> AssetKey {
         match self {

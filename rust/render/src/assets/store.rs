@@ -7,9 +7,9 @@
 
 use super::catalog::SceneAssets;
 use super::kept::EncodedAssets;
-use super::load::{Copied, Loaded};
-use super::place::{AssetMemory, Resident};
-use super::source::{AssetKey, Source};
+use super::load::{CopiedAssets, LoadResult};
+use super::place::{AssetMemory, ResidentAsset};
+use super::source::{AssetKey, AssetSource};
 use super::values::ALIGN;
 use crate::device::Device;
 use crate::error::RenderError;
@@ -23,9 +23,9 @@ use std::time::{Duration, Instant};
 /// Longest wait for the loader to let go of memory that nobody wants any more.
 const LET_GO_TIMEOUT: Duration = Duration::from_secs(60);
 
-/// What [`Store::advance`] found.
+/// What [`AssetStore::advance`] found.
 #[derive(Debug, Default)]
-pub(crate) struct Arrived {
+pub(crate) struct ArrivedAssets {
     /// Assets that are ready on the device now.
     pub(crate) ready: Vec<AssetId>,
     /// Those that are ready in host memory now.
@@ -38,7 +38,7 @@ pub(crate) struct Arrived {
 
 /// How to ask for memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Patience {
+pub(crate) enum MemoryWait {
     /// Wait for what the device still uses; running out is an error.
     Wait,
     /// Take what is free now; running out is an answer.
@@ -47,25 +47,25 @@ pub(crate) enum Patience {
 
 /// Assets that come from host memory by a copy of the device's.
 #[derive(Debug, Default)]
-struct Promotion {
+struct AssetPromotion {
     /// None: not submitted yet.
     copy: Option<Arc<Submission>>,
     /// From where, for those that are not submitted.
     sources: Vec<(Arc<HeapRange>, Arc<HeapRange>)>,
-    copied: Copied,
+    copied: CopiedAssets,
 }
 
 /// See the module.
 #[derive(Debug, Default)]
-pub(crate) struct Store {
+pub(crate) struct AssetStore {
     device: AssetMemory,
     host: AssetMemory,
     /// Copied into host memory, and not known to be done.
-    mapping: VecDeque<(Vec<Arc<Submission>>, Copied)>,
+    mapping: VecDeque<(Vec<Arc<Submission>>, CopiedAssets)>,
     /// Copies into host memory that the next promotion waits for.
     mapped_by: Vec<Arc<Submission>>,
-    promotion: Promotion,
-    promoting: VecDeque<Promotion>,
+    promotion: AssetPromotion,
+    promoting: VecDeque<AssetPromotion>,
     kept: Arc<EncodedAssets>,
     /// What could not be had since it was last asked: rays find nothing there.
     left_out: Vec<(AssetKey, String)>,
@@ -73,7 +73,7 @@ pub(crate) struct Store {
     pub(crate) paths_streamed: u64,
 }
 
-impl Store {
+impl AssetStore {
     /// What is kept in host memory to come back.
     pub(crate) fn kept(&self) -> &EncodedAssets {
         &self.kept
@@ -112,14 +112,14 @@ impl Store {
         self.device.forget_arriving();
         self.host.forget_arriving();
         self.mapping.clear();
-        self.promotion = Promotion::default();
+        self.promotion = AssetPromotion::default();
         self.promoting.clear();
     }
 
-    /// Forgets what lies in host memory.
-    pub(crate) fn unmap(&mut self) {
+    /// Forgets what lies in host memory, or, if `keeps_tiles`, all of it but tiles of textures.
+    pub(crate) fn unmap(&mut self, keeps_tiles: bool) {
         self.host.forget_arriving();
-        self.host.ready.clear();
+        self.host.ready.retain(|key, _| keeps_tiles && matches!(key, AssetKey::Tile(..)));
         self.mapping.clear();
     }
 
@@ -134,17 +134,17 @@ impl Store {
     }
 
     /// The asset, if it is ready on the device.
-    pub(crate) fn get(&self, key: &AssetKey) -> Option<&Resident> {
+    pub(crate) fn get(&self, key: &AssetKey) -> Option<&ResidentAsset> {
         self.device.ready.get(key)
     }
 
     /// The asset, if it is ready in host memory.
-    pub(crate) fn mapped(&self, key: &AssetKey) -> Option<&Resident> {
+    pub(crate) fn mapped(&self, key: &AssetKey) -> Option<&ResidentAsset> {
         self.host.ready.get(key)
     }
 
     /// The asset where rays are to use it: on the device, or else in host memory.
-    pub(crate) fn reached(&self, key: &AssetKey) -> Option<&Resident> {
+    pub(crate) fn reached(&self, key: &AssetKey) -> Option<&ResidentAsset> {
         self.get(key).or_else(|| self.mapped(key))
     }
 
@@ -189,14 +189,14 @@ impl Store {
         self.device.arriving.len()
     }
 
-    /// Starts to bring `asset`, at the latest with [`Store::send`]; false when there is no memory for it now (only with
-    /// [`Patience::Now`]).
+    /// Starts to bring `asset`, at the latest with [`AssetStore::send`]; false when there is no memory for it now (only
+    /// with [`MemoryWait::Now`]).
     pub(crate) fn begin(
         &mut self,
         device: &Device,
         assets: &SceneAssets,
         asset: AssetId,
-        patience: Patience,
+        patience: MemoryWait,
     ) -> Result<bool, RenderError> {
         let Some(source) = assets.source(asset) else {
             return Err(RenderError::Internal(format!("asset {asset} does not exist")));
@@ -216,8 +216,8 @@ impl Store {
         Ok(true)
     }
 
-    /// Starts to bring `asset` into host memory, at the latest with [`Store::send`]; false when there is none made for
-    /// it yet, or none at all. It must not be there or on its way.
+    /// Starts to bring `asset` into host memory, at the latest with [`AssetStore::send`]; false when there is none made
+    /// for it yet, or none at all. It must not be there or on its way.
     pub(crate) fn map(&mut self, device: &Device, assets: &SceneAssets, asset: AssetId) -> Result<bool, RenderError> {
         let Some(source) = assets.source(asset) else { return Ok(false) };
         if source.check().is_err() {
@@ -228,8 +228,12 @@ impl Store {
         if heap.stats().largest_free < bytes { Ok(false) } else { self.map_now(device, (asset, source)) }
     }
 
-    /// As [`Store::map`], but makes memory for it.
-    pub(crate) fn map_now(&mut self, device: &Device, (asset, source): (AssetId, Source)) -> Result<bool, RenderError> {
+    /// As [`AssetStore::map`], but makes memory for it.
+    pub(crate) fn map_now(
+        &mut self,
+        device: &Device,
+        (asset, source): (AssetId, AssetSource),
+    ) -> Result<bool, RenderError> {
         let (heap, bytes) = (device.host_heap()?, source.size().max(ALIGN));
         let Some(memory) = heap.try_alloc(source.name(), bytes, ALIGN)? else { return Ok(false) };
         self.host.bring(device, &self.kept, (asset, source), memory)?;
@@ -274,8 +278,8 @@ impl Store {
     }
 
     /// Takes note of what has arrived. Waits at most `wait` for the first.
-    pub(crate) fn advance(&mut self, assets: &SceneAssets, wait: Duration) -> Result<Arrived, RenderError> {
-        let mut arrived = Arrived::default();
+    pub(crate) fn advance(&mut self, assets: &SceneAssets, wait: Duration) -> Result<ArrivedAssets, RenderError> {
+        let mut arrived = ArrivedAssets::default();
         self.take_promoted(assets, &mut arrived);
         self.take_mapped(assets, &mut arrived)?;
         let nothing = arrived.ready.is_empty() && arrived.mapped.is_empty();
@@ -299,25 +303,25 @@ impl Store {
             arrived.bytes += copied.bytes;
             arrived.copies.extend(copied.submissions.drain(..).map(Arc::new));
             self.left_out.append(&mut copied.left_out);
-            arrived.ready.extend(self.device.land(&copied, |asset| assets.key(asset)));
+            arrived.ready.extend(self.device.note_copied(&copied, |asset| assets.key(asset)));
             next = self.device.inbox.try_next();
         }
         Ok(arrived)
     }
 
     /// What the device has copied from host memory.
-    fn take_promoted(&mut self, assets: &SceneAssets, arrived: &mut Arrived) {
-        let is_done = |promotion: &Promotion| promotion.copy.as_ref().is_some_and(|copy| copy.is_done());
+    fn take_promoted(&mut self, assets: &SceneAssets, arrived: &mut ArrivedAssets) {
+        let is_done = |promotion: &AssetPromotion| promotion.copy.as_ref().is_some_and(|copy| copy.is_done());
         while self.promoting.front().is_some_and(is_done) {
             let Some(promotion) = self.promoting.pop_front() else { break };
             arrived.bytes += promotion.copied.bytes;
             arrived.copies.extend(promotion.copy);
-            arrived.ready.extend(self.device.land(&promotion.copied, |asset| assets.key(asset)));
+            arrived.ready.extend(self.device.note_copied(&promotion.copied, |asset| assets.key(asset)));
         }
     }
 
     /// What is complete in host memory.
-    fn take_mapped(&mut self, assets: &SceneAssets, arrived: &mut Arrived) -> Result<(), RenderError> {
+    fn take_mapped(&mut self, assets: &SceneAssets, arrived: &mut ArrivedAssets) -> Result<(), RenderError> {
         while let Some(loaded) = self.host.inbox.try_next() {
             self.note_mapping(loaded)?;
         }
@@ -325,12 +329,12 @@ impl Store {
             let Some((copies, copied)) = self.mapping.pop_front() else { break };
             arrived.copies.extend(copies.iter().cloned());
             self.mapped_by.extend(copies);
-            arrived.mapped.extend(self.host.land(&copied, |asset| assets.key(asset)));
+            arrived.mapped.extend(self.host.note_copied(&copied, |asset| assets.key(asset)));
         }
         Ok(())
     }
 
-    fn note_mapping(&mut self, loaded: Loaded) -> Result<(), RenderError> {
+    fn note_mapping(&mut self, loaded: LoadResult) -> Result<(), RenderError> {
         let mut copied = loaded?;
         let copies = copied.submissions.drain(..).map(Arc::new).collect();
         self.left_out.append(&mut copied.left_out);
@@ -339,10 +343,10 @@ impl Store {
     }
 }
 
-fn allocate(device: &Device, name: &str, bytes: u64, patience: Patience) -> Result<Option<HeapRange>, RenderError> {
+fn allocate(device: &Device, name: &str, bytes: u64, patience: MemoryWait) -> Result<Option<HeapRange>, RenderError> {
     let bytes = bytes.max(ALIGN);
     match patience {
-        Patience::Wait => Ok(Some(device.heap.alloc(name, bytes, ALIGN)?)),
-        Patience::Now => Ok(device.heap.try_alloc(name, bytes, ALIGN)?),
+        MemoryWait::Wait => Ok(Some(device.heap.alloc(name, bytes, ALIGN)?)),
+        MemoryWait::Now => Ok(device.heap.try_alloc(name, bytes, ALIGN)?),
     }
 }

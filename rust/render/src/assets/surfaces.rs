@@ -7,8 +7,8 @@ use oocpt_abi as abi;
 use oocpt_abi::{
     GpuAttribute, GpuCutout, GpuInput, GpuMaterial, GpuPrim, MaterialFlags, MaterialInput, NAME_PTEX, NO_MATERIAL,
 };
-use oocpt_core::material::{Input, Material, UvSet};
-use oocpt_core::materialx::program::{Lookup, Program};
+use oocpt_core::material::{InputValue, Material, UvSet};
+use oocpt_core::materialx::program::{Program, ProgramLookup};
 use oocpt_core::mesh::{MeshSummary, PrimvarSummary};
 use oocpt_core::scene::{PrimRecord, SurfaceTables};
 
@@ -141,8 +141,8 @@ fn add_program(program: &Program, rows: &mut Vec<[u32; 4]>) -> (u32, u32) {
     let first = u32::try_from(rows.len()).unwrap_or(u32::MAX);
     rows.extend(program.constants.iter().map(|value| value.map(f32::to_bits)));
     for lookup in &program.lookups {
-        let Lookup { texture, uv, transform, scale, bias } = *lookup;
-        let whole = input(&Input::Texture { texture, channel: None, scale, bias, uv, transform }, &[]);
+        let ProgramLookup { texture, uv, transform, scale, bias } = *lookup;
+        let whole = input(&InputValue::Texture { texture, channel: None, scale, bias, uv, transform }, &[]);
         rows.extend_from_slice(bytemuck::cast_slice::<GpuInput, [u32; 4]>(&[whole]));
     }
     for pair in program.instructions.chunks(2) {
@@ -180,7 +180,7 @@ fn material(material: &Material, programs: &mut Vec<[u32; 4]>) -> GpuMaterial {
 }
 
 /// `material_sets`: the sets of texture coordinates of its material.
-fn input(input: &Input, material_sets: &[UvSet]) -> GpuInput {
+fn input(input: &InputValue, material_sets: &[UvSet]) -> GpuInput {
     let plain = |kind: u32, value: [f32; 4]| GpuInput {
         value,
         bias: [0.0; 4],
@@ -190,12 +190,14 @@ fn input(input: &Input, material_sets: &[UvSet]) -> GpuInput {
         texture: 0,
     };
     match *input {
-        Input::Constant(value) => plain(abi::INPUT_CONSTANT, value),
-        Input::Primvar { slot, fallback } => {
+        InputValue::Constant(value) => plain(abi::INPUT_CONSTANT, value),
+        InputValue::Primvar { slot, fallback } => {
             plain(abi::INPUT_PRIMVAR | u32::from(slot & 1) << abi::INPUT_SET_SHIFT, fallback)
         }
-        Input::Register(register) => GpuInput { texture: u32::from(register), ..plain(abi::INPUT_REGISTER, [0.0; 4]) },
-        Input::Texture { texture, channel, scale, bias, uv, transform } => {
+        InputValue::Register(register) => {
+            GpuInput { texture: u32::from(register), ..plain(abi::INPUT_REGISTER, [0.0; 4]) }
+        }
+        InputValue::Texture { texture, channel, scale, bias, uv, transform } => {
             let is_ptex =
                 uv.is_some_and(|uv| material_sets.get(usize::from(uv)).is_some_and(|set| set.id == NAME_PTEX));
             let channel = channel.map_or(0, |c| u32::from(c & 3) + 1);
@@ -224,7 +226,7 @@ mod tests {
     #[test]
     fn inputs_keep_their_kind_channel_and_set() {
         let made = input(
-            &Input::Texture {
+            &InputValue::Texture {
                 texture: 7,
                 channel: Some(3),
                 scale: [1.0, 2.0, 3.0, 4.0],
@@ -237,7 +239,7 @@ mod tests {
         assert_eq!(made.kind, 1 | 4 << 2 | 1 << 5);
         assert_eq!((made.texture, made.value, made.bias), (7, [1.0, 2.0, 3.0, 4.0], [5.0; 4]));
         assert_eq!((made.row_s, made.row_t), ([1.0, 2.0, 3.0], [4.0, 5.0, 6.0]));
-        let placed = Input::Texture {
+        let placed = InputValue::Texture {
             texture: 0,
             channel: None,
             scale: [1.0; 4],
@@ -246,7 +248,7 @@ mod tests {
             transform: [[0.0; 3]; 2],
         };
         assert_eq!(input(&placed, &[]).kind, 1 | 2 << 5);
-        assert_eq!(input(&Input::Primvar { slot: 1, fallback: [0.5; 4] }, &[]).kind, 2 | 1 << 5);
-        assert_eq!(input(&Input::Constant([0.5; 4]), &[]).kind, 0);
+        assert_eq!(input(&InputValue::Primvar { slot: 1, fallback: [0.5; 4] }, &[]).kind, 2 | 1 << 5);
+        assert_eq!(input(&InputValue::Constant([0.5; 4]), &[]).kind, 0);
     }
 }

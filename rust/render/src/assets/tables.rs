@@ -5,8 +5,8 @@
 //! Always resident. An entry that is zero is absent. The host keeps a mirror and writes changes in a command list, so
 //! that they take effect between two submissions and never inside one. Render thread only.
 
-use super::catalog::{SceneAssets, Slot};
-use super::encode::Writer;
+use super::catalog::{AssetSlot, SceneAssets};
+use super::encode::AssetCopier;
 use super::surfaces::SurfaceEntries;
 use super::values::ValueLayout;
 use crate::device::Device;
@@ -14,10 +14,10 @@ use crate::error::RenderError;
 use crate::textures::TextureSet;
 use bytemuck::{Pod, Zeroable};
 use oocpt_abi::{GpuAssembly, GpuChunk, GpuChunkInstance, GpuMesh, GpuTexture, LevelNode, PAGE_BROKEN, TEXTURE_SRGB};
-use oocpt_core::inventory::Inventory;
+use oocpt_core::inventory::RenderInventory;
 use oocpt_core::partition::{ChunkInstance, PlacedValues};
 use oocpt_core::residency::AssetId;
-use oocpt_gpu::{Commands, HeapRange};
+use oocpt_gpu::{CommandList, HeapRange};
 use std::ops::Range;
 use std::time::Duration;
 
@@ -30,7 +30,7 @@ const WRITE_TIMEOUT: Duration = Duration::from_secs(60);
 
 /// See the module.
 #[derive(Debug)]
-pub(crate) struct Tables {
+pub(crate) struct SceneTables {
     pub(crate) top_nodes: HeapRange,
     pub(crate) chunk_instances: HeapRange,
     pub(crate) chunks: HeapRange,
@@ -69,7 +69,7 @@ pub(crate) struct TextureTables {
 
 /// What the tables are to hold; the host's mirror.
 #[derive(Debug, Default)]
-pub(crate) struct Entries {
+pub(crate) struct TableEntries {
     chunks: Vec<GpuChunk>,
     assemblies: Vec<GpuAssembly>,
     meshes: Vec<GpuMesh>,
@@ -77,7 +77,7 @@ pub(crate) struct Entries {
     pages: Vec<u64>,
 }
 
-impl Entries {
+impl TableEntries {
     /// Entries of nothing for the assets of a scene.
     pub(crate) fn new(assets: &SceneAssets) -> Self {
         let snapshot = &assets.snapshot;
@@ -93,23 +93,23 @@ impl Entries {
     pub(crate) fn set(&mut self, assets: &SceneAssets, asset: AssetId, address: u64) {
         let Some(source) = assets.source(asset) else { return };
         match assets.slot(asset) {
-            Slot::Mesh(at) => {
+            AssetSlot::Mesh(at) => {
                 if let (Some(slot), Some(entry)) = (self.meshes.get_mut(at), source.mesh_entry(address)) {
                     *slot = entry;
                 }
             }
-            Slot::Assembly(at) => {
+            AssetSlot::Assembly(at) => {
                 if let Some(slot) = self.assemblies.get_mut(at) {
                     *slot = source.level_entry(address);
                 }
             }
-            Slot::Chunk(at) => {
+            AssetSlot::Chunk(at) => {
                 if let Some(slot) = self.chunks.get_mut(at) {
                     let GpuAssembly { nodes, instances, primvars } = source.level_entry(address);
                     *slot = GpuChunk { nodes, instances, primvars };
                 }
             }
-            Slot::Tile(at) => {
+            AssetSlot::Tile(at) => {
                 if let Some(slot) = self.pages.get_mut(at) {
                     *slot = if source.is_broken() { address | PAGE_BROKEN } else { address };
                 }
@@ -120,10 +120,10 @@ impl Entries {
     /// Notes that `asset` is gone.
     pub(crate) fn clear(&mut self, assets: &SceneAssets, asset: AssetId) {
         match assets.slot(asset) {
-            Slot::Mesh(at) => zero(&mut self.meshes, at),
-            Slot::Assembly(at) => zero(&mut self.assemblies, at),
-            Slot::Chunk(at) => zero(&mut self.chunks, at),
-            Slot::Tile(at) => zero(&mut self.pages, at),
+            AssetSlot::Mesh(at) => zero(&mut self.meshes, at),
+            AssetSlot::Assembly(at) => zero(&mut self.assemblies, at),
+            AssetSlot::Chunk(at) => zero(&mut self.chunks, at),
+            AssetSlot::Tile(at) => zero(&mut self.pages, at),
         }
     }
 }
@@ -134,7 +134,7 @@ fn zero<T: Zeroable>(entries: &mut [T], at: usize) {
     }
 }
 
-impl Tables {
+impl SceneTables {
     /// Bytes of the tables of a scene.
     pub(crate) fn bytes(assets: &SceneAssets) -> u64 {
         let (snapshot, world) = (&assets.snapshot, &assets.snapshot.world);
@@ -168,7 +168,7 @@ impl Tables {
     }
 
     /// Lists the tables there are.
-    pub(crate) fn list(&self, inventory: &mut Inventory) {
+    pub(crate) fn list(&self, inventory: &mut RenderInventory) {
         let Self { top_nodes, chunk_instances, chunks, assemblies, meshes, .. } = self;
         for table in [top_nodes, chunk_instances, chunks, assemblies, meshes] {
             inventory.add(table.name(), table.size());
@@ -197,11 +197,11 @@ impl Tables {
     }
 
     /// Makes the tables and fills them.
-    pub(crate) fn new(device: &Device, assets: &SceneAssets, entries: &Entries) -> Result<Self, RenderError> {
+    pub(crate) fn new(device: &Device, assets: &SceneAssets, entries: &TableEntries) -> Result<Self, RenderError> {
         let world = &assets.snapshot.world;
         let instances: Vec<GpuChunkInstance> = world.instances.iter().map(chunk_instance).collect();
         let ring = device.loader()?.ring();
-        let mut writer = Writer::new(&device.gpu, ring);
+        let mut writer = AssetCopier::new(&device.gpu, ring);
         let tables = Self {
             top_nodes: table(device, &mut writer, "top level", bytemuck::cast_slice(&assets.top.nodes))?,
             chunk_instances: table(device, &mut writer, "chunk instances", bytemuck::cast_slice(&instances))?,
@@ -223,14 +223,20 @@ impl Tables {
 
     /// Records that the entries of `changed` (sorted) become what `entries` says. There may be thousands of meshes and
     /// tiles in a step: those that lie near each other go in one command, with what is between.
-    pub(crate) fn update(&self, commands: &mut Commands, assets: &SceneAssets, entries: &Entries, changed: &[AssetId]) {
+    pub(crate) fn update(
+        &self,
+        commands: &mut CommandList,
+        assets: &SceneAssets,
+        entries: &TableEntries,
+        changed: &[AssetId],
+    ) {
         let [mut meshes, mut assemblies, mut chunks, mut tiles] = [const { Vec::new() }; 4];
         for &asset in changed {
             match assets.slot(asset) {
-                Slot::Mesh(at) => meshes.push(at),
-                Slot::Assembly(at) => assemblies.push(at),
-                Slot::Chunk(at) => chunks.push(at),
-                Slot::Tile(at) => tiles.push(at),
+                AssetSlot::Mesh(at) => meshes.push(at),
+                AssetSlot::Assembly(at) => assemblies.push(at),
+                AssetSlot::Chunk(at) => chunks.push(at),
+                AssetSlot::Tile(at) => tiles.push(at),
             }
         }
         write(commands, &self.meshes, &entries.meshes, &meshes);
@@ -243,7 +249,7 @@ impl Tables {
 }
 
 /// Writes the entries at `places` (sorted) of a table.
-fn write<T: Pod>(commands: &mut Commands, table: &HeapRange, entries: &[T], places: &[usize]) {
+fn write<T: Pod>(commands: &mut CommandList, table: &HeapRange, entries: &[T], places: &[usize]) {
     for run in runs(places, size_of::<T>()) {
         let offset = (run.start * size_of::<T>()) as u64;
         if let Some(entries) = entries.get(run) {
@@ -268,7 +274,7 @@ fn runs(places: &[usize], bytes: usize) -> Vec<Range<usize>> {
 
 fn surface_ranges(
     device: &Device,
-    writer: &mut Writer<'_>,
+    writer: &mut AssetCopier<'_>,
     assets: &SceneAssets,
 ) -> Result<Option<SurfaceRanges>, RenderError> {
     let Some(entries) = SurfaceEntries::new(&assets.snapshot.surfaces) else { return Ok(None) };
@@ -291,7 +297,7 @@ fn surface_ranges(
 
 fn placed_values(
     device: &Device,
-    writer: &mut Writer<'_>,
+    writer: &mut AssetCopier<'_>,
     placed: &PlacedValues,
 ) -> Result<Option<HeapRange>, RenderError> {
     if placed.columns.is_empty() {
@@ -308,9 +314,9 @@ fn placed_values(
 
 fn texture_tables(
     device: &Device,
-    writer: &mut Writer<'_>,
+    writer: &mut AssetCopier<'_>,
     assets: &SceneAssets,
-    entries: &Entries,
+    entries: &TableEntries,
 ) -> Result<Option<TextureTables>, RenderError> {
     if assets.textures.is_empty() {
         return Ok(None);
@@ -340,7 +346,7 @@ fn directory_words(textures: &TextureSet) -> usize {
 /// The directories of Ptex textures, one behind the other; tells their records where.
 fn directories(
     device: &Device,
-    writer: &mut Writer<'_>,
+    writer: &mut AssetCopier<'_>,
     textures: &TextureSet,
     records: &mut [GpuTexture],
 ) -> Result<Option<HeapRange>, RenderError> {
@@ -361,7 +367,7 @@ fn directories(
     Ok(Some(range))
 }
 
-fn table(device: &Device, writer: &mut Writer<'_>, name: &str, bytes: &[u8]) -> Result<HeapRange, RenderError> {
+fn table(device: &Device, writer: &mut AssetCopier<'_>, name: &str, bytes: &[u8]) -> Result<HeapRange, RenderError> {
     let range = device.heap.alloc(name, (bytes.len() as u64).max(16), 16)?;
     writer.bytes(&range, 0, bytes)?;
     Ok(range)

@@ -18,9 +18,9 @@ use std::f64::consts::PI;
 
 /// Roughnesses from [`super::SHARPEST`] to 1, equally far apart in their power 0.4.
 pub const ROUGHNESSES: usize = 64;
-/// Indices of refraction, placed by the spread of a node (`Spread::ior`).
+/// Indices of refraction, placed by the spread of a node (`IorSpread::ior`).
 pub const IORS: usize = 64;
-/// Cosines on the side of the lower index, and on the other, placed by `Columns`.
+/// Cosines on the side of the lower index, and on the other, placed by `CosineColumns`.
 pub const COSINES: [usize; 2] = [64, 96];
 /// Floats of a node: 1 / alpha, cosine of total reflection, then for each side what places a column (factor, offset),
 /// averages.
@@ -46,13 +46,13 @@ const LANES: usize = 8;
 /// Places on the spherical cap of visible normals: a lattice that is denser at the rim, where the few normals are that
 /// look aside.
 #[derive(Debug)]
-pub struct Normals {
+pub struct VisibleNormals {
     /// Cosine and sine of the turn, height below the top of the cap over its whole height, measure.
     points: Vec<[[f64; LANES]; 4]>,
     whole: f64,
 }
 
-impl Normals {
+impl VisibleNormals {
     /// `count` of them, rounded up.
     #[must_use]
     #[expect(clippy::cast_precision_loss, reason = "few points")]
@@ -111,12 +111,12 @@ impl Normals {
 
 /// How the root of (ior - 1) / (ior + 1) is spread at an alpha: logarithmically above `near`, from `least` on, below
 /// which glass is sharp.
-struct Spread {
+struct IorSpread {
     near: f64,
     least: f64,
 }
 
-impl Spread {
+impl IorSpread {
     fn new(alpha: f64) -> Self {
         Self { near: 0.3 * alpha, least: (2.4e-5 / alpha).min(0.2).sqrt() }
     }
@@ -138,14 +138,14 @@ impl Spread {
 /// Where the columns of a side of a node are: equally far apart in `(shape(cosine) - offset) * factor`. They crowd
 /// where the cosine is about alpha, and on the denser side at the angle of total reflection.
 #[derive(Clone, Copy, Debug)]
-struct Columns {
+struct CosineColumns {
     alpha: f64,
     critical: Option<f64>,
     offset: f64,
     factor: f64,
 }
 
-impl Columns {
+impl CosineColumns {
     fn new(alpha: f64, ior: f64, side: usize) -> Self {
         let critical = (side == 1).then(|| (1.0 - 1.0 / (ior * ior)).max(0.0).sqrt());
         let made = Self { alpha, critical, offset: 0.0, factor: 1.0 };
@@ -192,7 +192,7 @@ fn corners(alpha: f64, ior: f64) -> [((usize, usize), f64); 4] {
     let first = super::SHARPEST.powf(0.4);
     let row = ((alpha.powf(0.2) - first) / (1.0 - first)).clamp(0.0, 1.0);
     let (line, y) = cell(row, ROUGHNESSES);
-    let (plane, z) = cell(Spread::new(alpha).place(ior), IORS);
+    let (plane, z) = cell(IorSpread::new(alpha).place(ior), IORS);
     [
         ((plane, line), (1.0 - y) * (1.0 - z)),
         ((plane, line + 1), y * (1.0 - z)),
@@ -203,7 +203,9 @@ fn corners(alpha: f64, ior: f64) -> [((usize, usize), f64); 4] {
 
 /// Making the table; only the example and tests do.
 pub mod make {
-    use super::{COSINES, Columns, IORS, Normals, ROUGHNESSES, Spread, cell, corners, part, roughness_of};
+    use super::{
+        COSINES, CosineColumns, IORS, IorSpread, ROUGHNESSES, VisibleNormals, cell, corners, part, roughness_of,
+    };
     use rayon::prelude::*;
 
     /// Points of the quadrature.
@@ -211,30 +213,30 @@ pub mod make {
     /// Largest number of 16 bits.
     const FULL: f64 = 65535.0;
 
-    type Rows = [Vec<f64>; 2];
+    type LossRows = [Vec<f64>; 2];
 
     /// Losses at all nodes.
     #[derive(Debug)]
-    pub struct Losses {
-        nodes: Vec<Rows>,
+    pub struct GlassLosses {
+        nodes: Vec<LossRows>,
     }
 
     fn node_of(index: usize) -> (f64, f64) {
         let alpha = roughness_of(part(index % ROUGHNESSES, ROUGHNESSES)).powi(2);
-        (alpha, Spread::new(alpha).ior(part(index / ROUGHNESSES, IORS)))
+        (alpha, IorSpread::new(alpha).ior(part(index / ROUGHNESSES, IORS)))
     }
 
     fn eta(ior: f64, side: usize) -> f64 {
         if side == 1 { 1.0 / ior } else { ior }
     }
 
-    impl Losses {
+    impl GlassLosses {
         /// Computes them: some minutes of a core.
         #[must_use]
         pub fn compute() -> Self {
-            let normals = Normals::new(POINTS);
+            let normals = VisibleNormals::new(POINTS);
             let row = |alpha: f64, ior: f64, side: usize| -> Vec<f64> {
-                let columns = Columns::new(alpha, ior, side);
+                let columns = CosineColumns::new(alpha, ior, side);
                 let at = |column| normals.loss(columns.cosine(part(column, COSINES[side])), alpha, eta(ior, side));
                 (0..COSINES[side]).map(at).collect()
             };
@@ -251,15 +253,15 @@ pub mod make {
         }
 
         /// Spreads the error of interpolation, which has one sign between nodes, over cells and nodes.
-        fn balance(&mut self, normals: &Normals) {
+        fn balance(&mut self, normals: &VisibleNormals) {
             let cells: Vec<(usize, usize)> =
                 (0..IORS - 1).flat_map(|z| (0..ROUGHNESSES - 1).map(move |y| (z, y))).collect();
             let errors = |&(z, y): &(usize, usize)| -> [Vec<(f64, f64)>; 2] {
                 let middle = |index: usize, count: usize| 0.5 * (part(index, count) + part(index + 1, count));
                 let alpha = roughness_of(middle(y, ROUGHNESSES)).powi(2);
-                let ior = Spread::new(alpha).ior(middle(z, IORS));
+                let ior = IorSpread::new(alpha).ior(middle(z, IORS));
                 std::array::from_fn(|side| {
-                    let columns = Columns::new(alpha, ior, side);
+                    let columns = CosineColumns::new(alpha, ior, side);
                     let error = |column| {
                         let cosine = columns.cosine(middle(column, COSINES[side]));
                         (cosine, normals.loss(cosine, alpha, eta(ior, side)) - self.at(alpha, ior, side, cosine))
@@ -275,7 +277,7 @@ pub mod make {
                 {
                     let (alpha, ior) = node_of(index);
                     for (side, errors) in errors.iter().enumerate() {
-                        let columns = Columns::new(alpha, ior, side);
+                        let columns = CosineColumns::new(alpha, ior, side);
                         for (cosine, error) in errors {
                             let (at, x) = cell(columns.place(*cosine), COSINES[side]);
                             for (at, weight) in [(at, 1.0 - x), (at + 1, x)] {
@@ -302,7 +304,7 @@ pub mod make {
             for ((plane, line), weight) in corners(alpha, ior) {
                 let index = plane * ROUGHNESSES + line;
                 let (alpha, ior) = node_of(index);
-                let (column, x) = cell(Columns::new(alpha, ior, side).place(cosine), COSINES[side]);
+                let (column, x) = cell(CosineColumns::new(alpha, ior, side).place(cosine), COSINES[side]);
                 let row = &self.nodes[index][side];
                 sum += weight * (row[column] * (1.0 - x) + row[column + 1] * x);
             }
@@ -312,7 +314,7 @@ pub mod make {
         /// The average of a row over its hemisphere, cosine weighted.
         fn average(&self, index: usize, side: usize) -> f64 {
             let (alpha, ior) = node_of(index);
-            let columns = Columns::new(alpha, ior, side);
+            let columns = CosineColumns::new(alpha, ior, side);
             let row = &self.nodes[index][side];
             let mut sum = 0.0;
             let mut low = 0.0_f64;
@@ -340,7 +342,7 @@ pub mod make {
             let mut bytes = Vec::with_capacity(super::BYTES);
             for index in 0..self.nodes.len() {
                 let (alpha, ior) = node_of(index);
-                let [light, dense] = [0, 1].map(|side| Columns::new(alpha, ior, side));
+                let [light, dense] = [0, 1].map(|side| CosineColumns::new(alpha, ior, side));
                 let node = [
                     1.0 / alpha,
                     dense.critical.unwrap_or(0.0),

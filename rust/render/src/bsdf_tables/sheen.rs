@@ -8,7 +8,7 @@
 //! albedo); Neubelt and Pettineo 2013, "Crafting a next-gen material pipeline for The Order: 1886" (what stands for
 //! masking).
 
-use super::{Row, part};
+use super::{PairRow, part};
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 
@@ -91,8 +91,8 @@ pub fn compute() -> Vec<u8> {
             (row.into_iter().map(|x| x * scale).collect(), scale)
         })
         .collect();
-    let ggx: Vec<Row> = (0..super::ROUGHNESSES).into_par_iter().map(super::row).collect();
-    let of_ggx = |row: &Row, k: usize, cosine: f64| {
+    let ggx: Vec<PairRow> = (0..super::ROUGHNESSES).into_par_iter().map(super::row).collect();
+    let of_ggx = |row: &PairRow, k: usize, cosine: f64| {
         let place = cosine.cbrt() * (super::COSINES - 1) as f64;
         #[expect(clippy::cast_sign_loss, reason = "above 0")]
         let cell = (place as usize).min(super::COSINES - 2);

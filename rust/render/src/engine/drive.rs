@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The loop of a stage: keeps the device busy with what its feed gives until every path is done.
+//! The loop of a stage: keeps the device busy with what its path source gives until every path is done.
 //!
 //! Two submissions are under way at any time, so the device does not wait for the host. Stop, pause and newer jobs take
 //! effect between submissions, which are short.
 
-use super::{Tracer, finish};
+use super::{WavefrontTracer, finish};
 use crate::error::RenderError;
-use crate::progress::Progress;
+use crate::frame_context::FrameContext;
+use crate::progress::FrameProgress;
 use crate::publish::Extent;
-use crate::setting::Setting;
-use crate::shared::Gate;
-use crate::wavefront::Kind;
-use oocpt_abi::Counters;
+use crate::shared::FrameGate;
+use crate::wavefront::PathKind;
+use oocpt_abi::WavefrontCounters;
 use oocpt_gpu::Submission;
 use std::collections::VecDeque;
 use std::time::Instant;
@@ -21,37 +21,37 @@ pub(crate) const IN_FLIGHT: usize = 2;
 
 /// How a stage ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Outcome {
+pub(super) enum StageOutcome {
     /// Every path is in the film.
     Done,
     /// The gate or the clock said no; the film has the paths up to some point.
     GivenUp,
 }
 
-/// Where a feed left off.
+/// Where a path source left off.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct StreamingEnd {
     /// The first path that is not in the film.
     pub(crate) first: u64,
-    pub(crate) counters: Counters,
+    pub(crate) counters: WavefrontCounters,
 }
 
-/// What a feed handed to the device.
+/// What a path source handed to the device.
 #[derive(Debug)]
-pub(crate) struct Work<T> {
+pub(crate) struct SubmittedWork<T> {
     pub(crate) submission: Submission,
     /// It ends with an image to be published, of which so much is there.
     pub(crate) publishes: Option<Extent>,
     /// Octaves of samples that it completes.
     pub(crate) octaves: Vec<u32>,
-    /// What the feed remembers of it.
+    /// What the path source remembers of it.
     pub(crate) of: T,
 }
 
 /// Work under way.
 #[derive(Debug)]
 pub(crate) struct InFlightSubmission<T> {
-    pub(crate) work: Work<T>,
+    pub(crate) work: SubmittedWork<T>,
     submitted: Instant,
 }
 
@@ -60,54 +60,54 @@ pub(crate) trait PathSource {
     /// What is remembered of a submission.
     type StepData;
 
-    fn tracer(&self) -> &Tracer<'_>;
+    fn tracer(&self) -> &WavefrontTracer<'_>;
 
     /// Begins a stage: forgets the samples and counters of the one before.
-    fn begin(&mut self, kind: Kind, progress: &mut Progress<'_>) -> Result<(), RenderError>;
+    fn begin(&mut self, kind: PathKind, progress: &mut FrameProgress<'_>) -> Result<(), RenderError>;
 
     /// The stage that has begun.
-    fn kind(&self) -> Kind;
+    fn kind(&self) -> PathKind;
 
     /// Whether nothing is left to do, given what is under way.
-    fn is_done(&self, flights: &VecDeque<InFlightSubmission<Self::StepData>>) -> bool;
+    fn is_done(&self, in_flight: &VecDeque<InFlightSubmission<Self::StepData>>) -> bool;
 
     /// Advances work that runs beside the device, such as loads.
     fn advance(
         &mut self,
-        _flights: &VecDeque<InFlightSubmission<Self::StepData>>,
-        _progress: &mut Progress<'_>,
+        _in_flight: &VecDeque<InFlightSubmission<Self::StepData>>,
+        _progress: &mut FrameProgress<'_>,
     ) -> Result<(), RenderError> {
         Ok(())
     }
 
     /// Hands the device its next submission; none when there is nothing to do before those under way have ended.
-    fn launch(
+    fn submit_next(
         &mut self,
-        flights: &VecDeque<InFlightSubmission<Self::StepData>>,
-        progress: &mut Progress<'_>,
-    ) -> Result<Option<Work<Self::StepData>>, RenderError>;
+        in_flight: &VecDeque<InFlightSubmission<Self::StepData>>,
+        progress: &mut FrameProgress<'_>,
+    ) -> Result<Option<SubmittedWork<Self::StepData>>, RenderError>;
 
-    /// Learns from the oldest submission, `secs` long, which has ended; may take back what was launched behind it, and
+    /// Learns from the oldest submission, `secs` long, which has ended; may take back what was submitted behind it, and
     /// do it over. None: the gate said no in the middle of it, and it left no trace.
-    fn land(
+    fn take_results(
         &mut self,
-        work: Work<Self::StepData>,
+        work: SubmittedWork<Self::StepData>,
         secs: f64,
-        flights: &mut VecDeque<InFlightSubmission<Self::StepData>>,
-        gate: &Gate<'_>,
-        progress: &mut Progress<'_>,
-    ) -> Result<Option<Work<Self::StepData>>, RenderError>;
+        in_flight: &mut VecDeque<InFlightSubmission<Self::StepData>>,
+        gate: &FrameGate<'_>,
+        progress: &mut FrameProgress<'_>,
+    ) -> Result<Option<SubmittedWork<Self::StepData>>, RenderError>;
 
     /// After the images and the error of a submission were taken.
-    fn landed(&mut self, progress: &mut Progress<'_>) -> Result<(), RenderError>;
+    fn end_submission(&mut self, progress: &mut FrameProgress<'_>) -> Result<(), RenderError>;
 
-    /// Nothing is under way and there is nothing to launch: waits for something to change. False: nothing will.
-    fn wait(&mut self, progress: &mut Progress<'_>) -> Result<bool, RenderError>;
+    /// Nothing is under way and there is nothing to submit: waits for something to change. False: nothing will.
+    fn wait(&mut self, progress: &mut FrameProgress<'_>) -> Result<bool, RenderError>;
 
     /// The stage has ended.
-    fn ended(&mut self, _progress: &mut Progress<'_>) {}
+    fn ended(&mut self, _progress: &mut FrameProgress<'_>) {}
 
-    /// Where another feed goes on: the film has all paths before it, and this one gives no more.
+    /// Where another path source goes on: the film has all paths before it, and this one gives no more.
     fn left_off(&self) -> Option<StreamingEnd> {
         None
     }
@@ -125,63 +125,64 @@ pub(crate) trait PathSource {
 
 /// Runs the stage that has begun.
 pub(super) fn run<F: PathSource>(
-    feed: &mut F,
-    gate: &Gate<'_>,
-    progress: &mut Progress<'_>,
-) -> Result<Outcome, RenderError> {
-    let mut flights = VecDeque::with_capacity(IN_FLIGHT);
+    source: &mut F,
+    gate: &FrameGate<'_>,
+    progress: &mut FrameProgress<'_>,
+) -> Result<StageOutcome, RenderError> {
+    let mut in_flight = VecDeque::with_capacity(IN_FLIGHT);
     let mut last_end = Instant::now();
-    let mut outcome = Outcome::Done;
-    while !feed.is_done(&flights) {
-        if !gate.proceed() || (feed.kind() == Kind::Samples && progress.out_of_time()) {
-            outcome = Outcome::GivenUp;
+    let mut outcome = StageOutcome::Done;
+    while !source.is_done(&in_flight) {
+        if !gate.proceed() || (source.kind() == PathKind::Samples && progress.out_of_time()) {
+            outcome = StageOutcome::GivenUp;
             break;
         }
-        while flights.front().is_some_and(|flight: &InFlightSubmission<F::StepData>| flight.work.submission.is_done()) {
-            land(feed, &mut flights, &mut last_end, gate, progress)?;
+        while in_flight.front().is_some_and(|oldest: &InFlightSubmission<F::StepData>| oldest.work.submission.is_done())
+        {
+            retire_oldest(source, &mut in_flight, &mut last_end, gate, progress)?;
         }
-        feed.advance(&flights, progress)?;
-        let launched = if flights.len() < IN_FLIGHT { feed.launch(&flights, progress)? } else { None };
-        if let Some(work) = launched {
-            flights.push_back(InFlightSubmission { work, submitted: Instant::now() });
-        } else if !flights.is_empty() {
-            land(feed, &mut flights, &mut last_end, gate, progress)?;
-        } else if !feed.wait(progress)? {
+        source.advance(&in_flight, progress)?;
+        let next = if in_flight.len() < IN_FLIGHT { source.submit_next(&in_flight, progress)? } else { None };
+        if let Some(work) = next {
+            in_flight.push_back(InFlightSubmission { work, submitted: Instant::now() });
+        } else if !in_flight.is_empty() {
+            retire_oldest(source, &mut in_flight, &mut last_end, gate, progress)?;
+        } else if !source.wait(progress)? {
             break;
         }
     }
-    while !flights.is_empty() {
-        land(feed, &mut flights, &mut last_end, gate, progress)?;
+    while !in_flight.is_empty() {
+        retire_oldest(source, &mut in_flight, &mut last_end, gate, progress)?;
     }
-    feed.advance(&flights, progress)?;
-    feed.ended(progress);
+    source.advance(&in_flight, progress)?;
+    source.ended(progress);
     Ok(outcome)
 }
 
 /// Waits for the oldest submission and takes what it left.
-fn land<F: PathSource>(
-    feed: &mut F,
-    flights: &mut VecDeque<InFlightSubmission<F::StepData>>,
+fn retire_oldest<F: PathSource>(
+    source: &mut F,
+    in_flight: &mut VecDeque<InFlightSubmission<F::StepData>>,
     last_end: &mut Instant,
-    gate: &Gate<'_>,
-    progress: &mut Progress<'_>,
+    gate: &FrameGate<'_>,
+    progress: &mut FrameProgress<'_>,
 ) -> Result<(), RenderError> {
-    let Some(InFlightSubmission { work, submitted }) = flights.pop_front() else { return Ok(()) };
+    let Some(InFlightSubmission { work, submitted }) = in_flight.pop_front() else { return Ok(()) };
     finish(&work.submission, progress)?;
     let now = Instant::now();
     let secs = now.duration_since(submitted.max(*last_end)).as_secs_f64();
     *last_end = now;
-    let before = flights.len();
-    let work = feed.land(work, secs, flights, gate, progress)?;
-    if flights.len() < before || work.is_none() {
+    let before = in_flight.len();
+    let work = source.take_results(work, secs, in_flight, gate, progress)?;
+    if in_flight.len() < before || work.is_none() {
         *last_end = Instant::now(); // What was done over says nothing about how long work takes.
     }
     let Some(work) = work else { return Ok(()) };
-    let Setting { film, device, .. } = *feed.tracer().setting;
+    let FrameContext { film, device, .. } = *source.tracer().context;
     progress.note_driver_usage(device);
     if let Some(extent) = work.publishes {
         progress.publish(film, extent)?;
     }
     progress.octaves(film, &work.octaves)?;
-    feed.landed(progress)
+    source.end_submission(progress)
 }

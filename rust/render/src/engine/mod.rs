@@ -2,45 +2,45 @@
 //! The path engine: one host loop for scenes that are resident as a whole and for those that stream.
 //!
 //! [`render`] runs the stages of a frame (first hits through pixel centres, then samples) over a [`PathSource`], which
-//! says which paths go to the device next: [`Waves`] cuts them into waves, `streaming::Stage` into segments whose rays
-//! may wait for chunks. Both record by one [`Recorder`], with the passes and the frame block of one [`Tracer`]. Render
-//! thread only.
+//! says which paths go to the device next: [`WaveSource`] cuts them into waves, `streaming::Stage` into segments whose
+//! rays may wait for chunks. Both record by one [`WavefrontRecorder`], with the passes and the frame block of one
+//! [`WavefrontTracer`]. Render thread only.
 
 mod drive;
 mod tiles;
 mod waves;
 
-pub(crate) use drive::{InFlightSubmission, PathSource, StreamingEnd, Work};
-pub(crate) use tiles::Tiles;
-pub(crate) use waves::Waves;
+pub(crate) use drive::{InFlightSubmission, PathSource, StreamingEnd, SubmittedWork};
+pub(crate) use tiles::FrameTiles;
+pub(crate) use waves::WaveSource;
 
 use crate::block::frame_block;
 use crate::camera_blocks;
-use crate::device::Specialisation;
+use crate::device::PassSpecialisation;
 use crate::error::RenderError;
-use crate::inventory::{self, Compiled};
-use crate::progress::Progress;
-use crate::setting::{Setting, is_cpu, maps_host};
-use crate::shared::Gate;
+use crate::frame_context::{FrameContext, is_cpu, maps_host};
+use crate::inventory::{self, CompiledPasses};
+use crate::progress::FrameProgress;
+use crate::shared::FrameGate;
 use crate::specialise;
-use crate::timings::Timings;
+use crate::timings::RenderTimings;
 use crate::wave::LAST_SLOT;
-use crate::wavefront::{Backend, Kind, Native, Passes, PathBuffers, Recorder};
+use crate::wavefront::{NativeTraversal, PathBuffers, PathKind, TraversalBackend, WavefrontPasses, WavefrontRecorder};
 use crate::{assets::SceneView, device::WAVE_TIMEOUT};
-use drive::{Outcome, run};
-use oocpt_abi::{Features, Frame};
-use oocpt_core::inventory::Inventory;
+use drive::{StageOutcome, run};
+use oocpt_abi::{Features, FrameConstants};
+use oocpt_core::inventory::RenderInventory;
 use oocpt_core::settings::TraversalKind;
-use oocpt_gpu::{Buffer, Commands, Submission, Usage};
+use oocpt_gpu::{Buffer, BufferUsage, CommandList, Submission};
 
 /// What every submission of a frame refers to.
 #[derive(Debug)]
-pub(crate) struct Tracer<'a> {
-    pub(crate) setting: &'a Setting<'a>,
+pub(crate) struct WavefrontTracer<'a> {
+    pub(crate) context: &'a FrameContext<'a>,
     pub(crate) paths: &'a PathBuffers,
-    passes: Passes,
-    special: Specialisation,
-    backend: Backend,
+    passes: WavefrontPasses,
+    special: PassSpecialisation,
+    backend: TraversalBackend,
     /// What the trace passes write.
     written: Vec<&'a Buffer>,
     /// The frame block.
@@ -51,17 +51,17 @@ pub(crate) struct Tracer<'a> {
 
 /// What a frame is compiled for.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Parts {
+pub(crate) struct CompiledFeatures {
     /// What is compiled in.
     pub(crate) features: Features,
     /// Of that, what the scene does not need.
     pub(crate) carried: Features,
 }
 
-impl Parts {
+impl CompiledFeatures {
     /// What a scene needs, and what is carried beside that.
-    pub(crate) fn new(setting: &Setting<'_>, view: &SceneView, streams: bool) -> Self {
-        let Setting { job, lights, rays, film, .. } = *setting;
+    pub(crate) fn new(context: &FrameContext<'_>, view: &SceneView, streams: bool) -> Self {
+        let FrameContext { job, lights, rays, film, .. } = *context;
         let mut needed = specialise::features(&job.snapshot, lights, rays, view);
         #[cfg(feature = "faults")]
         needed.set(
@@ -70,68 +70,69 @@ impl Parts {
         );
         #[cfg(feature = "faults")]
         needed.insert(job.options.faults.more_features);
-        needed.set(Features::CAMERA_MOTION, setting.camera_motion.is_some());
+        needed.set(Features::CAMERA_MOTION, context.camera_motion.is_some());
         let moves = needed.intersects(Features::MOTION | Features::DEFORMATION | Features::CAMERA_MOTION);
         needed.set(Features::MOTION_VECTORS, moves && film.has_motion());
         needed.set(Features::SHADED_AOVS, film.has_shaded_planes());
-        needed.set(Features::CLIPPING, !setting.clip_planes.is_empty());
+        needed.set(Features::CLIPPING, !context.clip_planes.is_empty());
         needed.set(Features::ADAPTIVE, film.adaptive().is_some());
         needed.set(Features::STREAMING, streams);
         // While streaming a ray waits for the texture of a cutout as it does for chunks.
-        let walks_natively = is_cpu(setting.device) && job.settings.traversal != TraversalKind::Compute;
+        let walks_natively = is_cpu(context.device) && job.settings.traversal != TraversalKind::Compute;
         let defers = !streams && !walks_natively && needed.contains(Features::OPACITY_MASKS);
         #[cfg(feature = "faults")]
         let defers = defers && !job.options.faults.no_deferred_cutouts;
         if defers && view.masks_answer_most {
             needed.insert(Features::DEFERRED_CUTOUTS);
         }
-        let counts = !job.settings.chunk_report.is_empty() || maps_host(setting.device, &job.settings);
+        let counts = !job.settings.chunk_report.is_empty() || maps_host(context.device, &job.settings);
         needed.set(Features::CHUNK_COUNTS, streams && counts);
         needed.set(Features::ROULETTE, streams && job.settings.straggler_roulette);
-        let carried = setting.carry.possible(needed, setting.light_carry);
+        let carried = context.carry.possible(needed, context.light_carry);
         Self { features: needed | carried, carried }
     }
 
     /// What the passes are compiled for, and what traces.
     pub(crate) fn compiled_for(
         self,
-        setting: &Setting<'_>,
+        context: &FrameContext<'_>,
         view: &SceneView,
-    ) -> Result<(Specialisation, Backend), RenderError> {
+    ) -> Result<(PassSpecialisation, TraversalBackend), RenderError> {
         let special = specialise::specialisation(self.features, view);
         #[cfg(feature = "faults")]
-        let special = Specialisation { fault: setting.job.options.faults.lost_chunks, ..special };
-        let wanted = setting.job.settings.traversal;
-        Ok((special, Backend::choose(wanted, setting.device, &special, view)?))
+        let special = PassSpecialisation { fault: context.job.options.faults.lost_chunks, ..special };
+        let wanted = context.job.settings.traversal;
+        Ok((special, TraversalBackend::choose(wanted, context.device, &special, view)?))
     }
 }
 
-impl<'a> Tracer<'a> {
+impl<'a> WavefrontTracer<'a> {
     /// Compiles the passes and tells the stats what the frame is made of; the scene, the paths and what else there is
     /// have `listed` what they hold. `bind` writes addresses of memory into the frame block.
     pub(crate) fn new(
-        setting: &'a Setting<'a>,
+        context: &'a FrameContext<'a>,
         paths: &'a PathBuffers,
-        (view, parts): (&SceneView, Parts),
-        mut listed: Inventory,
-        bind: impl FnOnce(&mut Frame),
-        progress: &mut Progress<'_>,
+        (view, parts): (&SceneView, CompiledFeatures),
+        mut listed: RenderInventory,
+        bind: impl FnOnce(&mut FrameConstants),
+        progress: &mut FrameProgress<'_>,
     ) -> Result<Self, RenderError> {
-        let Setting { device, film, .. } = *setting;
-        let Parts { features, carried } = parts;
+        let FrameContext { device, film, .. } = *context;
+        let CompiledFeatures { features, carried } = parts;
         progress.stage("compiling passes");
-        let (special, backend) = parts.compiled_for(setting, view)?;
-        let passes = Passes::new(device, (special, backend), film, &mut progress.timings)?;
-        let mut block = frame_block(setting, view);
+        let (special, backend) = parts.compiled_for(context, view)?;
+        let passes = WavefrontPasses::new(device, (special, backend), film, &mut progress.timings)?;
+        let mut block = frame_block(context, view);
         [block.bsdf_tables, block.sheen_tables] = device.bsdf_tables(features)?; // before the list of what there is
-        let camera = camera_blocks::upload(setting, &mut block, &mut listed)?;
-        let inventory = inventory::of_frame(setting, Compiled { passes: &passes, special, carried, backend }, listed);
+        let camera = camera_blocks::upload(context, &mut block, &mut listed)?;
+        let inventory =
+            inventory::of_frame(context, CompiledPasses { passes: &passes, special, carried, backend }, listed);
         progress.made_of(specialise::left_out(features, film.has_planes()), inventory);
         paths.bind(&mut block);
         bind(&mut block);
-        let frame = Buffer::new(&device.gpu, "frame", size_of::<Frame>() as u64, Usage::Upload)?;
+        let frame = Buffer::new(&device.gpu, "frame", size_of::<FrameConstants>() as u64, BufferUsage::Upload)?;
         frame.write(0, bytemuck::bytes_of(&block))?;
-        Ok(Self { setting, paths, passes, special, backend, written: paths.written(), frame, _camera: camera })
+        Ok(Self { context, paths, passes, special, backend, written: paths.written(), frame, _camera: camera })
     }
 
     /// Says what the trace passes write besides what belongs to the paths.
@@ -140,36 +141,36 @@ impl<'a> Tracer<'a> {
     }
 
     /// Compiles the passes anew, for deeper stacks.
-    pub(crate) fn deepen(&mut self, stack_size: u32, timings: &mut Timings) -> Result<(), RenderError> {
+    pub(crate) fn deepen(&mut self, stack_size: u32, timings: &mut RenderTimings) -> Result<(), RenderError> {
         self.special.stack_size = stack_size;
         let special = (self.special, self.backend);
-        self.passes = Passes::new(self.setting.device, special, self.setting.film, timings)?;
+        self.passes = WavefrontPasses::new(self.context.device, special, self.context.film, timings)?;
         Ok(())
     }
 
-    pub(crate) fn recorder(&self) -> Recorder<'_> {
-        let gpu = &self.setting.device.gpu;
-        let native = || Native::new(gpu, &self.written, &self.special, self.backend);
-        Recorder {
+    pub(crate) fn recorder(&self) -> WavefrontRecorder<'_> {
+        let gpu = &self.context.device.gpu;
+        let native = || NativeTraversal::new(gpu, &self.written, &self.special, self.backend);
+        WavefrontRecorder {
             native: self.backend.is_native.then(native),
             passes: &self.passes,
-            film: self.setting.film,
+            film: self.context.film,
             counters: &self.paths.counters,
             frame: self.frame.address(),
             // The request was validated: at most 2^28 pixels.
-            pixels: u32::try_from(self.setting.job.request.pixels()).unwrap_or(u32::MAX),
+            pixels: u32::try_from(self.context.job.request.pixels()).unwrap_or(u32::MAX),
         }
     }
 
-    pub(crate) fn commands(&self, label: &str) -> Result<Commands, RenderError> {
-        let mut commands = self.setting.device.gpu.commands(label)?;
-        commands.profile(self.setting.job.options.profile);
+    pub(crate) fn commands(&self, label: &str) -> Result<CommandList, RenderError> {
+        let mut commands = self.context.device.gpu.commands(label)?;
+        commands.profile(self.context.job.options.profile);
         Ok(commands)
     }
 
     /// Publishes the images as they are, and what the film says of its error.
-    fn end(&self, progress: &mut Progress<'_>) -> Result<(), RenderError> {
-        let film = self.setting.film;
+    fn end(&self, progress: &mut FrameProgress<'_>) -> Result<(), RenderError> {
+        let film = self.context.film;
         let measures = film.has_color() && progress.ends_between_octaves();
         let mut commands = self.commands("resolve")?;
         self.recorder().copy_out(&mut commands);
@@ -185,44 +186,44 @@ impl<'a> Tracer<'a> {
     }
 }
 
-/// Runs the stages of a frame until `gate` says no; publishes images and stats on the way. Gives where another feed is
-/// to go on, if this one left off.
+/// Runs the stages of a frame until `gate` says no; publishes images and stats on the way. Gives where another path
+/// source is to go on, if this one left off.
 pub(crate) fn render<F: PathSource>(
-    feed: &mut F,
-    gate: &Gate<'_>,
-    progress: &mut Progress<'_>,
+    source: &mut F,
+    gate: &FrameGate<'_>,
+    progress: &mut FrameProgress<'_>,
 ) -> Result<Option<u64>, RenderError> {
     progress.stage("rendering");
-    let film = feed.tracer().setting.film;
-    let (has_planes, has_color) = (film.has_planes() && !feed.goes_on(), film.has_color());
+    let film = source.tracer().context.film;
+    let (has_planes, has_color) = (film.has_planes() && !source.goes_on(), film.has_color());
     if has_planes || !has_color {
         // Without an image nothing is traced, but the counters that are read at the end have to be cleared.
-        feed.begin(Kind::Aovs, progress)?;
+        source.begin(PathKind::Aovs, progress)?;
     }
-    if has_planes && run(feed, gate, progress)? == Outcome::GivenUp {
+    if has_planes && run(source, gate, progress)? == StageOutcome::GivenUp {
         return Ok(None);
     }
     if has_color {
-        feed.begin(Kind::Samples, progress)?;
-        if !feed.goes_on() {
+        source.begin(PathKind::Samples, progress)?;
+        if !source.goes_on() {
             progress.trace_started();
         }
-        let outcome = run(feed, gate, progress)?;
-        if let Some(StreamingEnd { first, counters }) = feed.left_off().filter(|_| outcome == Outcome::Done) {
+        let outcome = run(source, gate, progress)?;
+        if let Some(StreamingEnd { first, counters }) = source.left_off().filter(|_| outcome == StageOutcome::Done) {
             progress.left_off(&counters);
             return Ok(Some(first));
         }
         progress.trace_ended();
     }
     if !gate.is_superseded() {
-        feed.tracer().end(progress)?;
+        source.tracer().end(progress)?;
     }
-    feed.end()?;
+    source.end()?;
     Ok(None)
 }
 
 /// Waits for a submission and notes the times of its passes.
-pub(crate) fn finish(submission: &Submission, progress: &mut Progress<'_>) -> Result<(), RenderError> {
+pub(crate) fn finish(submission: &Submission, progress: &mut FrameProgress<'_>) -> Result<(), RenderError> {
     if !submission.wait(WAVE_TIMEOUT)? {
         let secs = WAVE_TIMEOUT.as_secs();
         return Err(RenderError::Internal(format!("a submission did not finish within {secs} s")));

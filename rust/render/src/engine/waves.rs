@@ -5,17 +5,17 @@
 //! given up in the middle leaves no trace in the film. A wave that lacks tiles of textures is completed before the next
 //! one (`tiles`).
 
-use super::{InFlightSubmission, PathSource, Tiles, Tracer, Work, finish};
+use super::{FrameTiles, InFlightSubmission, PathSource, SubmittedWork, WavefrontTracer, finish};
 use crate::error::RenderError;
-use crate::feedback::{Copy, Feedback};
-use crate::progress::Progress;
+use crate::feedback::{FeedbackBuffers, FeedbackCopy};
+use crate::progress::FrameProgress;
 use crate::publish::Extent;
-use crate::schedule::{Schedule, first_wave};
-use crate::shared::Gate;
+use crate::schedule::{WaveSchedule, first_wave};
+use crate::shared::FrameGate;
 use crate::wave::Wave;
-use crate::wavefront::{Kind, Traced};
-use oocpt_abi::{Features, Push, PushFlags};
-use oocpt_gpu::Commands;
+use crate::wavefront::{PathKind, TracedRays};
+use oocpt_abi::{Features, PushConstants, PushFlags};
+use oocpt_gpu::CommandList;
 use std::collections::VecDeque;
 use std::ops::Range;
 
@@ -29,25 +29,25 @@ const PIXELS_SECS: f64 = 0.05;
 
 /// A part of a wave.
 #[derive(Clone, Debug)]
-pub(crate) struct Part {
+pub(crate) struct WavePart {
     wave: Wave,
     rounds: Range<u32>,
     /// It is the last part of its wave.
     ends: bool,
     /// At the end of a wave: what it lacked.
-    lacking: Option<Copy>,
+    lacking: Option<FeedbackCopy>,
 }
 
 /// See the module.
 #[derive(Debug)]
-pub(crate) struct Waves<'e> {
-    tracer: Tracer<'e>,
-    tiles: Tiles<'e>,
+pub(crate) struct WaveSource<'e> {
+    tracer: WavefrontTracer<'e>,
+    tiles: FrameTiles<'e>,
     /// Only where something reads a texture.
-    feedback: Option<&'e Feedback>,
-    kind: Kind,
-    schedule: Schedule,
-    /// Of the wave that is being launched.
+    feedback: Option<&'e FeedbackBuffers>,
+    kind: PathKind,
+    schedule: WaveSchedule,
+    /// Of the wave that is being submitted.
     parts: VecDeque<(Wave, Range<u32>)>,
     /// Of the wave that is ending.
     wave_secs: f64,
@@ -57,25 +57,25 @@ pub(crate) struct Waves<'e> {
     first: Option<u64>,
 }
 
-impl<'e> Waves<'e> {
+impl<'e> WaveSource<'e> {
     /// Waves of all paths, or from path `first` on, where the film has those before it.
     pub(crate) fn new(
-        tracer: Tracer<'e>,
-        tiles: Tiles<'e>,
-        feedback: Option<&'e Feedback>,
+        tracer: WavefrontTracer<'e>,
+        tiles: FrameTiles<'e>,
+        feedback: Option<&'e FeedbackBuffers>,
         first: Option<u64>,
     ) -> Self {
-        let (kind, schedule) = (Kind::Samples, Schedule::new(0, 1, 1, WAVE_SECS));
+        let (kind, schedule) = (PathKind::Samples, WaveSchedule::new(0, 1, 1, WAVE_SECS));
         Self { tracer, tiles, feedback, kind, schedule, parts: VecDeque::new(), wave_secs: 0.0, ended: None, first }
     }
 
     /// The last round of a wave: the one of `max_bounces`; with materials one more: rays that leave the last surface
     /// that is lit still look for lights.
     fn last_round(&self) -> u32 {
-        let job = self.tracer.setting.job;
+        let job = self.tracer.context.job;
         match self.kind {
-            Kind::Aovs => 0,
-            Kind::Samples => {
+            PathKind::Aovs => 0,
+            PathKind::Samples => {
                 let has_materials = job.snapshot.features.contains(Features::MATERIALS);
                 job.settings.max_bounces + u32::from(has_materials)
             }
@@ -84,24 +84,24 @@ impl<'e> Waves<'e> {
 
     /// Records some rounds of a wave: camera rays before the first round, the film after the last one. Gives the
     /// octaves of samples that end with it.
-    fn record(&self, commands: &mut Commands, wave: Wave, rounds: Range<u32>, q: Push) -> Vec<u32> {
+    fn record(&self, commands: &mut CommandList, wave: Wave, rounds: Range<u32>, q: PushConstants) -> Vec<u32> {
         let (recorder, last) = (self.tracer.recorder(), self.last_round());
         if rounds.start == 0 {
             if let Some(feedback) = self.feedback {
                 feedback.empty_queue(commands, &self.tracer.paths.counters);
             }
             recorder.generate(commands, self.kind, q, wave.count);
-            recorder.trace(commands, q, 0, Traced::Closest);
+            recorder.trace(commands, q, 0, TracedRays::Closest);
         }
         for round in rounds.clone() {
             recorder.shade(commands, self.kind, q, round);
             match self.kind {
-                Kind::Samples if round < last => recorder.trace(commands, q, round + 1, Traced::All),
-                Kind::Samples => recorder.trace(commands, q, round + 1, Traced::Shadow),
-                Kind::Aovs => {}
+                PathKind::Samples if round < last => recorder.trace(commands, q, round + 1, TracedRays::All),
+                PathKind::Samples => recorder.trace(commands, q, round + 1, TracedRays::Shadow),
+                PathKind::Aovs => {}
             }
         }
-        let ends = rounds.end > last && self.kind == Kind::Samples;
+        let ends = rounds.end > last && self.kind == PathKind::Samples;
         if ends { recorder.accumulate(commands, q, wave) } else { Vec::new() }
     }
 
@@ -109,8 +109,8 @@ impl<'e> Waves<'e> {
     fn extent(&self, wave: Wave) -> Extent {
         let end = wave.first + u64::from(wave.count);
         match self.kind {
-            Kind::Aovs => Extent { planes: end, samples: 0 },
-            Kind::Samples => Extent { planes: u64::MAX, samples: end },
+            PathKind::Aovs => Extent { planes: end, samples: 0 },
+            PathKind::Samples => Extent { planes: u64::MAX, samples: end },
         }
     }
 
@@ -120,11 +120,11 @@ impl<'e> Waves<'e> {
         (wave, rounds): (Wave, Range<u32>),
         ends: bool,
         flags: PushFlags,
-        progress: &mut Progress<'_>,
-    ) -> Result<Work<Part>, RenderError> {
+        progress: &mut FrameProgress<'_>,
+    ) -> Result<SubmittedWork<WavePart>, RenderError> {
         let mut commands = self.tracer.commands("wave")?;
         let q = self.tracer.recorder().push_of(self.kind, wave);
-        let q = Push { flags: q.flags | flags.bits(), ..q };
+        let q = PushConstants { flags: q.flags | flags.bits(), ..q };
         let octaves = self.record(&mut commands, wave, rounds.clone(), q);
         let extent = self.extent(wave);
         let publishes = (ends && (progress.publish_due(extent) || progress.compares(&octaves))).then_some(extent);
@@ -133,25 +133,25 @@ impl<'e> Waves<'e> {
         }
         let lacking = self.feedback.filter(|_| ends).map(|feedback| feedback.copy_out(&mut commands));
         let submission = commands.submit()?;
-        Ok(Work { submission, publishes, octaves, of: Part { wave, rounds, ends, lacking } })
+        Ok(SubmittedWork { submission, publishes, octaves, of: WavePart { wave, rounds, ends, lacking } })
     }
 
     /// Traces those paths of a wave again that lacked tiles, until the film has it; first hits all of them: they write
     /// the same planes. Gives its last part; none when the gate said no: then the wave has left no trace.
     fn complete(
         &mut self,
-        mut work: Work<Part>,
-        gate: &Gate<'_>,
-        progress: &mut Progress<'_>,
-    ) -> Result<Option<Work<Part>>, RenderError> {
-        if self.kind == Kind::Samples {
+        mut work: SubmittedWork<WavePart>,
+        gate: &FrameGate<'_>,
+        progress: &mut FrameProgress<'_>,
+    ) -> Result<Option<SubmittedWork<WavePart>>, RenderError> {
+        if self.kind == PathKind::Samples {
             progress.timings.retraced_waves += 1;
         }
         while let Some(tiles) = self.tiles.lacking(work.of.lacking)? {
             if !self.tiles.bring(&self.tracer, &tiles, gate, progress)? {
                 return Ok(None);
             }
-            let flags = if self.kind == Kind::Samples { PushFlags::RETRACE } else { PushFlags::empty() };
+            let flags = if self.kind == PathKind::Samples { PushFlags::RETRACE } else { PushFlags::empty() };
             let parts = parts(self.last_round());
             let last = parts.len().saturating_sub(1);
             for (index, rounds) in parts.into_iter().enumerate() {
@@ -166,47 +166,47 @@ impl<'e> Waves<'e> {
     }
 }
 
-impl PathSource for Waves<'_> {
-    type StepData = Part;
+impl PathSource for WaveSource<'_> {
+    type StepData = WavePart;
 
-    fn tracer(&self) -> &Tracer<'_> {
+    fn tracer(&self) -> &WavefrontTracer<'_> {
         &self.tracer
     }
 
-    fn kind(&self) -> Kind {
+    fn kind(&self) -> PathKind {
         self.kind
     }
 
-    fn begin(&mut self, kind: Kind, progress: &mut Progress<'_>) -> Result<(), RenderError> {
-        let (setting, paths) = (self.tracer.setting, self.tracer.paths);
+    fn begin(&mut self, kind: PathKind, progress: &mut FrameProgress<'_>) -> Result<(), RenderError> {
+        let (context, paths) = (self.tracer.context, self.tracer.paths);
         let mut commands = self.tracer.commands("clear")?;
         commands.fill(&paths.counters, 0, paths.counters.size(), 0);
         if self.first.is_none() {
-            setting.film.clear(&mut commands);
+            context.film.clear(&mut commands);
         }
         if let Some(feedback) = self.feedback {
             feedback.reset(&mut commands);
         }
         commands.submit()?;
-        let interactive = setting.job.settings.interactive;
+        let interactive = context.job.settings.interactive;
         let wave_secs = if interactive { WAVE_SECS_INTERACTIVE } else { WAVE_SECS };
         let first =
-            setting.pace.map_or_else(|| first_wave(setting.device.gpu.report().kind), |pace| wave(pace, wave_secs));
+            context.pace.map_or_else(|| first_wave(context.device.gpu.report().kind), |pace| wave(pace, wave_secs));
         self.kind = kind;
         self.schedule = match kind {
-            Kind::Aovs => {
-                Schedule::new(setting.job.request.pixels(), first.min(FIRST_PIXELS), paths.capacity, PIXELS_SECS)
+            PathKind::Aovs => {
+                WaveSchedule::new(context.job.request.pixels(), first.min(FIRST_PIXELS), paths.capacity, PIXELS_SECS)
             }
-            Kind::Samples => Schedule::new(progress.total_paths(), first, paths.capacity, wave_secs),
+            PathKind::Samples => WaveSchedule::new(progress.total_paths(), first, paths.capacity, wave_secs),
         };
-        if kind == Kind::Samples {
+        if kind == PathKind::Samples {
             self.schedule.begin_at(self.first.unwrap_or(0));
-            if progress.wants_octaves() && setting.film.adaptive().is_none() {
-                self.schedule = self.schedule.clone().with_octaves(setting.job.request.pixels());
+            if progress.wants_octaves() && context.film.adaptive().is_none() {
+                self.schedule = self.schedule.clone().with_octaves(context.job.request.pixels());
             }
-            let cuts = progress.begin_samples(setting.film);
+            let cuts = progress.begin_samples(context.film);
             // The first image is shown as soon as it is whole.
-            let is_whole = (interactive && cuts.is_empty()).then(|| setting.job.request.pixels());
+            let is_whole = (interactive && cuts.is_empty()).then(|| context.job.request.pixels());
             self.schedule.cut_at(cuts.into_iter().chain(is_whole).collect());
         }
         Ok(())
@@ -216,17 +216,17 @@ impl PathSource for Waves<'_> {
         self.first.is_some()
     }
 
-    fn is_done(&self, _flights: &VecDeque<InFlightSubmission<Part>>) -> bool {
+    fn is_done(&self, _in_flight: &VecDeque<InFlightSubmission<WavePart>>) -> bool {
         false // The schedule knows when it is asked.
     }
 
-    fn launch(
+    fn submit_next(
         &mut self,
-        _flights: &VecDeque<InFlightSubmission<Part>>,
-        progress: &mut Progress<'_>,
-    ) -> Result<Option<Work<Part>>, RenderError> {
+        _in_flight: &VecDeque<InFlightSubmission<WavePart>>,
+        progress: &mut FrameProgress<'_>,
+    ) -> Result<Option<SubmittedWork<WavePart>>, RenderError> {
         if self.parts.is_empty() {
-            let open = if self.kind == Kind::Samples { progress.open_paths() } else { u64::MAX };
+            let open = if self.kind == PathKind::Samples { progress.open_paths() } else { u64::MAX };
             let Some(wave) = self.schedule.next(open) else { return Ok(None) };
             self.parts.extend(parts(self.last_round()).into_iter().map(|rounds| (wave, rounds)));
         }
@@ -235,20 +235,20 @@ impl PathSource for Waves<'_> {
         self.submit((wave, rounds), ends, PushFlags::empty(), progress).map(Some)
     }
 
-    fn land(
+    fn take_results(
         &mut self,
-        mut work: Work<Part>,
+        mut work: SubmittedWork<WavePart>,
         secs: f64,
-        flights: &mut VecDeque<InFlightSubmission<Part>>,
-        gate: &Gate<'_>,
-        progress: &mut Progress<'_>,
-    ) -> Result<Option<Work<Part>>, RenderError> {
+        in_flight: &mut VecDeque<InFlightSubmission<WavePart>>,
+        gate: &FrameGate<'_>,
+        progress: &mut FrameProgress<'_>,
+    ) -> Result<Option<SubmittedWork<WavePart>>, RenderError> {
         self.wave_secs += secs;
         if self.tiles.lacking(work.of.lacking)?.is_some() {
             // The passes of the waves behind it did nothing.
-            for later in flights.drain(..).rev().collect::<Vec<_>>() {
+            for later in in_flight.drain(..).rev().collect::<Vec<_>>() {
                 finish(&later.work.submission, progress)?;
-                let Part { wave, rounds, .. } = later.work.of;
+                let WavePart { wave, rounds, .. } = later.work.of;
                 self.parts.push_front((wave, rounds));
             }
             let Some(completed) = self.complete(work, gate, progress)? else { return Ok(None) };
@@ -256,7 +256,7 @@ impl PathSource for Waves<'_> {
         }
         if work.of.ends {
             self.schedule.measured(work.of.wave.count, std::mem::take(&mut self.wave_secs));
-            if self.kind == Kind::Samples {
+            if self.kind == PathKind::Samples {
                 progress.wave_done(work.of.wave);
             }
         }
@@ -264,14 +264,14 @@ impl PathSource for Waves<'_> {
         Ok(Some(work))
     }
 
-    fn landed(&mut self, progress: &mut Progress<'_>) -> Result<(), RenderError> {
+    fn end_submission(&mut self, progress: &mut FrameProgress<'_>) -> Result<(), RenderError> {
         if self.ended.take().is_some() {
-            self.schedule.cut_at(progress.begin_samples(self.tracer.setting.film));
+            self.schedule.cut_at(progress.begin_samples(self.tracer.context.film));
         }
         Ok(())
     }
 
-    fn wait(&mut self, _progress: &mut Progress<'_>) -> Result<bool, RenderError> {
+    fn wait(&mut self, _progress: &mut FrameProgress<'_>) -> Result<bool, RenderError> {
         Ok(false)
     }
 }

@@ -13,11 +13,11 @@ mod tests;
 
 use crate::cache_folder::cache_folder;
 use crate::request::Severity;
-use crate::shared::Shared;
+use crate::shared::SharedState;
 use crate::sync::lock;
-use oocpt_core::mesh::{MeshFiles, Payload, PayloadError, StoredEntry};
+use oocpt_core::mesh::{MeshFiles, PayloadError, PayloadSource, StoredEntry};
 use oocpt_core::settings::Settings;
-use pack::Pack;
+use pack::PackFile;
 use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
@@ -53,22 +53,22 @@ impl GeometrySetting {
 #[derive(Debug)]
 pub(crate) struct GeometryFiles {
     setting: GeometrySetting,
-    packs: Mutex<Packs>,
+    packs: Mutex<PackFiles>,
     /// Something could not be written; from then on nothing is.
     failed: AtomicBool,
     /// A damaged entry was told of.
     told: AtomicBool,
-    shared: Weak<Shared>,
+    shared: Weak<SharedState>,
 }
 
 #[derive(Debug, Default)]
-struct Packs {
+struct PackFiles {
     /// Those of other processes, once they were looked for.
-    others: Option<Vec<Arc<Pack>>>,
+    others: Option<Vec<Arc<PackFile>>>,
     /// What this process writes that lasts.
-    own: Option<Arc<Pack>>,
+    own: Option<Arc<PackFile>>,
     /// What does not.
-    scratch: Option<Arc<Pack>>,
+    scratch: Option<Arc<PackFile>>,
     /// Bytes of those of others, when they were last looked at.
     others_bytes: Option<u64>,
     /// Of others: already marked as used.
@@ -77,7 +77,7 @@ struct Packs {
 
 impl GeometryFiles {
     /// Nothing is opened before it is needed. Complaints go to `shared`.
-    pub(crate) fn new(setting: GeometrySetting, shared: &Arc<Shared>) -> Self {
+    pub(crate) fn new(setting: GeometrySetting, shared: &Arc<SharedState>) -> Self {
         Self {
             setting,
             packs: Mutex::default(),
@@ -99,7 +99,7 @@ impl GeometryFiles {
     }
 
     /// The file that `bytes` more go to, and whether they last there.
-    fn pack_for(&self, lasts: bool, bytes: u64) -> io::Result<(Arc<Pack>, bool)> {
+    fn pack_for(&self, lasts: bool, bytes: u64) -> io::Result<(Arc<PackFile>, bool)> {
         let mut packs = lock(&self.packs);
         let lasts = lasts && self.make_room(&mut packs, bytes);
         let slot = if lasts { &mut packs.own } else { &mut packs.scratch };
@@ -111,7 +111,7 @@ impl GeometryFiles {
     }
 
     /// A new file.
-    fn begin(&self, lasts: bool) -> io::Result<Pack> {
+    fn begin(&self, lasts: bool) -> io::Result<PackFile> {
         static NUMBER: AtomicU64 = AtomicU64::new(0);
         fs::create_dir_all(&self.setting.folder)?;
         let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default().as_nanos();
@@ -119,14 +119,14 @@ impl GeometryFiles {
         let path = self.setting.folder.join(format!("{now:024x}-{process}-{number}.{ENDING}"));
         let file = File::options().read(true).write(true).create_new(true).open(&path)?;
         if lasts {
-            return Ok(Pack::new(file, Some(path)));
+            return Ok(PackFile::new(file, Some(path)));
         }
         fs::remove_file(&path)?;
-        Ok(Pack::new(file, None))
+        Ok(PackFile::new(file, None))
     }
 
     /// Removes files of other processes until there is room for `bytes`; false where there is none even so.
-    fn make_room(&self, packs: &mut Packs, bytes: u64) -> bool {
+    fn make_room(&self, packs: &mut PackFiles, bytes: u64) -> bool {
         let needed = packs.own.as_ref().map_or(0, |own| own.bytes()).saturating_add(bytes);
         if needed > self.setting.limit {
             return false;
@@ -153,7 +153,7 @@ impl GeometryFiles {
     }
 
     /// The files that may have an entry, opened at the first call.
-    fn known(&self) -> Vec<Arc<Pack>> {
+    fn known(&self) -> Vec<Arc<PackFile>> {
         let mut packs = lock(&self.packs);
         let own = packs.own.clone();
         let others = packs.others.get_or_insert_with(|| {
@@ -161,7 +161,7 @@ impl GeometryFiles {
             files.sort_by_key(|file| std::cmp::Reverse(file.used));
             let own = own.as_ref().and_then(|own| own.path());
             let open = |file: FileOfFolder| {
-                let opened = Pack::open(file.path).inspect_err(|error| tracing::debug!(%error, "a geometry file"));
+                let opened = PackFile::open(file.path).inspect_err(|error| tracing::debug!(%error, "a geometry file"));
                 opened.ok().map(Arc::new)
             };
             files.into_iter().filter(|file| Some(&file.path) != own).filter_map(open).collect()
@@ -170,7 +170,7 @@ impl GeometryFiles {
     }
 
     /// Notes that a file of another process is used.
-    fn mark(&self, pack: &Pack) {
+    fn mark(&self, pack: &PackFile) {
         let mut packs = lock(&self.packs);
         if let Some(path) = pack.path().filter(|path| !packs.marked.contains(path)).cloned() {
             packs.marked.push(path);
@@ -205,7 +205,7 @@ impl MeshFiles for GeometryFiles {
         None
     }
 
-    fn add(&self, key: Option<u128>, head: &[u8], payloads: &[Vec<&[u8]>]) -> Option<Vec<Arc<dyn Payload>>> {
+    fn add(&self, key: Option<u128>, head: &[u8], payloads: &[Vec<&[u8]>]) -> Option<Vec<Arc<dyn PayloadSource>>> {
         if self.failed.load(Ordering::Relaxed) {
             return None;
         }

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 //! A file of records that only grows: what meshes were built to.
 //!
-//! A record is a [`Header`], a table of its payloads, a head, and the payloads, in native byte order; the next one
-//! begins at a multiple of [`ALIGN`]. The header is written last, so a process that dies leaves a record that is not
-//! seen; everything else has a hash that is compared when it is read. One process appends, any number read.
+//! A record is a [`RecordHeader`], a table of its payloads, a head, and the payloads, in native byte order; the next
+//! one begins at a multiple of [`ALIGN`]. The header is written last, so a process that dies leaves a record that is
+//! not seen; everything else has a hash that is compared when it is read. One process appends, any number read.
 
 use crate::sync::lock;
 use bytemuck::{Pod, Zeroable};
-use oocpt_core::mesh::{Payload, PayloadError, StoredEntry};
+use oocpt_core::mesh::{PayloadError, PayloadSource, StoredEntry};
 use rustc_hash::FxHashMap;
 use std::fs::File;
 use std::io;
@@ -31,7 +31,7 @@ const ONE_PIECE: u64 = 256 << 10;
 /// How a record begins.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
-struct Header {
+struct RecordHeader {
     magic: u64,
     version: u32,
     payloads: u32,
@@ -48,7 +48,7 @@ struct Header {
 /// Where a payload is.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
-struct Place {
+struct PayloadPlace {
     /// From the record's first byte.
     offset: u64,
     bytes: u64,
@@ -57,7 +57,7 @@ struct Place {
 
 /// See the module.
 #[derive(Debug)]
-pub(super) struct Pack {
+pub(super) struct PackFile {
     file: File,
     /// None: it has no name any more, and goes with the process.
     path: Option<PathBuf>,
@@ -67,7 +67,7 @@ pub(super) struct Pack {
     records: Mutex<FxHashMap<u128, u64>>,
 }
 
-impl Header {
+impl RecordHeader {
     fn own_hash(&self) -> u64 {
         let bytes = bytemuck::bytes_of(self);
         xxh3_64(&bytes[..bytes.len() - size_of::<u64>()])
@@ -77,7 +77,7 @@ impl Header {
     fn read(file: &File, offset: u64, length: u64) -> Option<Self> {
         let mut header = Self::zeroed();
         file.read_exact_at(bytemuck::bytes_of_mut(&mut header), offset).ok()?;
-        let table = u64::from(header.payloads) * size_of::<Place>() as u64;
+        let table = u64::from(header.payloads) * size_of::<PayloadPlace>() as u64;
         let least = (size_of::<Self>() as u64).checked_add(table)?.checked_add(header.head_bytes)?;
         let is_whole = header.magic == MAGIC
             && header.version == VERSION
@@ -92,7 +92,7 @@ impl Header {
     }
 }
 
-impl Pack {
+impl PackFile {
     /// A new file, which has to be empty.
     pub(super) fn new(file: File, path: Option<PathBuf>) -> Self {
         Self { file, path, end: AtomicU64::new(0), records: Mutex::default() }
@@ -104,7 +104,7 @@ impl Pack {
         let metadata = file.metadata()?;
         let mut records = FxHashMap::default();
         let mut at = 0;
-        while let Some(header) = Header::read(&file, at, metadata.len()) {
+        while let Some(header) = RecordHeader::read(&file, at, metadata.len()) {
             if header.key() != 0 {
                 records.insert(header.key(), at);
             }
@@ -147,22 +147,22 @@ impl Pack {
 
     fn entry(self: &Arc<Self>, at: u64) -> Result<StoredEntry, PayloadError> {
         let length = self.file.metadata().map_err(read_error)?.len();
-        let header = Header::read(&self.file, at, length).ok_or(PayloadError::Damaged)?;
-        let table = u64::from(header.payloads) * size_of::<Place>() as u64;
+        let header = RecordHeader::read(&self.file, at, length).ok_or(PayloadError::Damaged)?;
+        let table = u64::from(header.payloads) * size_of::<PayloadPlace>() as u64;
         if table.saturating_add(header.head_bytes) > MOST_HEAD {
             return Err(PayloadError::Damaged);
         }
         let bytes = |count: u64| usize::try_from(count).ok().ok_or(PayloadError::Damaged);
-        let mut places = vec![Place::zeroed(); bytes(u64::from(header.payloads))?];
+        let mut places = vec![PayloadPlace::zeroed(); bytes(u64::from(header.payloads))?];
         let mut head = vec![0; bytes(header.head_bytes)?];
-        let after = at + size_of::<Header>() as u64;
+        let after = at + size_of::<RecordHeader>() as u64;
         self.file.read_exact_at(bytemuck::cast_slice_mut(&mut places), after).map_err(read_error)?;
         self.file.read_exact_at(&mut head, after + table).map_err(read_error)?;
         if hash_of([bytemuck::cast_slice(&places), &head[..]]) != header.head_hash {
             return Err(PayloadError::Damaged);
         }
-        let mut payloads: Vec<Arc<dyn Payload>> = Vec::with_capacity(places.len());
-        for Place { offset, bytes, hash } in places {
+        let mut payloads: Vec<Arc<dyn PayloadSource>> = Vec::with_capacity(places.len());
+        for PayloadPlace { offset, bytes, hash } in places {
             let end = offset.checked_add(bytes).filter(|end| *end <= header.record_bytes);
             end.ok_or(PayloadError::Damaged)?;
             payloads.push(Arc::new(PackPayload { pack: self.clone(), offset: at + offset, bytes, hash }));
@@ -176,11 +176,11 @@ impl Pack {
         key: u128,
         head: &[u8],
         payloads: &[Vec<&[u8]>],
-    ) -> io::Result<Vec<Arc<dyn Payload>>> {
+    ) -> io::Result<Vec<Arc<dyn PayloadSource>>> {
         let size = |payload: &Vec<&[u8]>| payload.iter().map(|part| part.len() as u64).sum::<u64>();
         let too_large = || io::Error::from(io::ErrorKind::FileTooLarge);
-        let table = (payloads.len() * size_of::<Place>()) as u64;
-        let first = size_of::<Header>() as u64 + table + head.len() as u64;
+        let table = (payloads.len() * size_of::<PayloadPlace>()) as u64;
+        let first = size_of::<RecordHeader>() as u64 + table + head.len() as u64;
         if first > MOST_HEAD {
             return Err(too_large());
         }
@@ -191,11 +191,11 @@ impl Pack {
         for payload in payloads {
             let bytes = size(payload);
             self.write(payload, at + offset, bytes)?;
-            places.push(Place { offset, bytes, hash: hash_of(payload.iter().copied()) });
+            places.push(PayloadPlace { offset, bytes, hash: hash_of(payload.iter().copied()) });
             offset += bytes;
         }
         let tables: [&[u8]; 2] = [bytemuck::cast_slice(&places), head];
-        let mut header = Header {
+        let mut header = RecordHeader {
             magic: MAGIC,
             version: VERSION,
             payloads: u32::try_from(payloads.len()).ok().ok_or_else(too_large)?,
@@ -206,14 +206,14 @@ impl Pack {
             hash: 0,
         };
         header.hash = header.own_hash();
-        self.write(&tables, at + size_of::<Header>() as u64, table + head.len() as u64)?;
+        self.write(&tables, at + size_of::<RecordHeader>() as u64, table + head.len() as u64)?;
         self.file.write_all_at(bytemuck::bytes_of(&header), at)?;
         if key != 0 {
             lock(&self.records).insert(key, at);
         }
-        let payload = |place: &Place| {
-            let Place { offset, bytes, hash } = *place;
-            Arc::new(PackPayload { pack: self.clone(), offset: at + offset, bytes, hash }) as Arc<dyn Payload>
+        let payload = |place: &PayloadPlace| {
+            let PayloadPlace { offset, bytes, hash } = *place;
+            Arc::new(PackPayload { pack: self.clone(), offset: at + offset, bytes, hash }) as Arc<dyn PayloadSource>
         };
         Ok(places.iter().map(payload).collect())
     }
@@ -234,14 +234,14 @@ impl Pack {
 /// A payload of a record.
 #[derive(Debug)]
 struct PackPayload {
-    pack: Arc<Pack>,
+    pack: Arc<PackFile>,
     /// From the file's first byte.
     offset: u64,
     bytes: u64,
     hash: u64,
 }
 
-impl Payload for PackPayload {
+impl PayloadSource for PackPayload {
     fn size(&self) -> u64 {
         self.bytes
     }

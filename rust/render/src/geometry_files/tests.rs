@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Files of built meshes: what is found, what is refused, what is removed.
 
-use super::pack::Pack;
+use super::pack::PackFile;
 use super::{GeometryFiles, GeometrySetting};
-use crate::shared::Shared;
-use oocpt_core::mesh::{MeshFiles, Payload, PayloadError};
+use crate::shared::SharedState;
+use oocpt_core::mesh::{MeshFiles, PayloadError, PayloadSource};
 use oocpt_core::settings::Settings;
 use std::fs::{self, File};
 use std::path::PathBuf;
@@ -28,7 +28,7 @@ impl Folder {
         files
     }
 
-    fn open(&self, lasts: bool, limit: u64) -> (GeometryFiles, Arc<Shared>) {
+    fn open(&self, lasts: bool, limit: u64) -> (GeometryFiles, Arc<SharedState>) {
         let shared = Arc::default();
         let setting = GeometrySetting { folder: self.0.clone(), lasts, limit };
         (GeometryFiles::new(setting, &shared), shared)
@@ -41,14 +41,14 @@ impl Drop for Folder {
     }
 }
 
-fn read(payload: &Arc<dyn Payload>) -> Result<Vec<u8>, PayloadError> {
+fn read(payload: &Arc<dyn PayloadSource>) -> Result<Vec<u8>, PayloadError> {
     let mut bytes = vec![0; usize::try_from(payload.size()).expect("small")];
     let (first, rest) = bytes.split_at_mut(payload.size().min(3) as usize);
     payload.read(&mut [first, rest])?;
     Ok(bytes)
 }
 
-fn add(files: &GeometryFiles, key: u128, byte: u8, count: usize) -> Vec<Arc<dyn Payload>> {
+fn add(files: &GeometryFiles, key: u128, byte: u8, count: usize) -> Vec<Arc<dyn PayloadSource>> {
     let (small, large) = (vec![byte; 5], vec![byte; count]);
     files.add(Some(key), &[byte; 4], &[vec![&small, &[]], vec![&large, &[byte, byte]]]).expect("written")
 }
@@ -59,7 +59,7 @@ fn found(files: &GeometryFiles, key: u128) -> Option<Vec<Vec<u8>>> {
     Some(std::iter::once(entry.head).chain(payloads).collect())
 }
 
-fn messages(shared: &Shared) -> Vec<String> {
+fn messages(shared: &SharedState) -> Vec<String> {
     crate::sync::lock(&shared.messages).iter().map(|message| message.text.clone()).collect()
 }
 
@@ -102,7 +102,7 @@ fn a_truncated_file_gives_its_complete_entries() {
     let record = whole.len().next_multiple_of(64) / 5;
     for length in (0..whole.len()).step_by(37) {
         fs::write(&path, &whole[..length]).expect("written");
-        let pack = Pack::open(path.clone()).expect("opened");
+        let pack = PackFile::open(path.clone()).expect("opened");
         for key in 1..6 {
             // The last record has no padding after it.
             let is_whole = (key as usize - 1) * record + whole.len() - 4 * record <= length;

@@ -3,11 +3,11 @@
 //! (decisions/0062). Pure.
 
 use super::narrow;
-use oocpt_abi::Lighting;
+use oocpt_abi::LightTablePointers;
 
 /// See the module.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Brightness {
+pub(super) struct SceneBrightness {
     /// Sum of what local lights give at distance 1 where they shine.
     pub(super) local: f64,
     /// Irradiance that domes give.
@@ -18,7 +18,7 @@ pub(super) struct Brightness {
     axis: [f64; 3],
 }
 
-impl Brightness {
+impl SceneBrightness {
     /// Adds a distant light in a unit direction.
     pub(super) fn add_distant(&mut self, direction: [f32; 3], irradiance: f64) {
         self.distant += irradiance;
@@ -27,8 +27,8 @@ impl Brightness {
 
     /// The block with what it says. `mesh`: power of the meshes that emit light, if there are any, as `has_locals` says
     /// of local lights.
-    pub(super) fn put(&self, block: Lighting, has_locals: bool, mesh: Option<f64>) -> Lighting {
-        Lighting {
+    pub(super) fn put(&self, block: LightTablePointers, has_locals: bool, mesh: Option<f64>) -> LightTablePointers {
+        LightTablePointers {
             local_brightness: if has_locals { usable(self.local) } else { 0.0 },
             mesh_brightness: mesh.map_or(0.0, usable),
             dome_irradiance: if self.domes > 0.0 { usable(self.domes) } else { 0.0 },
@@ -50,12 +50,12 @@ mod tests {
 
     #[test]
     fn brightness_of_present_lights_is_positive_and_finite() {
-        let nothing = Brightness::default().put(Lighting::default(), false, None);
+        let nothing = SceneBrightness::default().put(LightTablePointers::default(), false, None);
         let all = [nothing.local_brightness, nothing.mesh_brightness, nothing.dome_irradiance];
         assert!(all.iter().all(|value| value.to_bits() == 0), "no lights: {all:?}");
-        let mut endless = Brightness { local: 0.0, domes: f64::INFINITY, ..Brightness::default() };
+        let mut endless = SceneBrightness { local: 0.0, domes: f64::INFINITY, ..SceneBrightness::default() };
         endless.add_distant([0.0, 0.0, 1.0], 1e300);
-        let put = endless.put(Lighting::default(), true, Some(f64::NAN));
+        let put = endless.put(LightTablePointers::default(), true, Some(f64::NAN));
         let all = [put.local_brightness, put.mesh_brightness, put.dome_irradiance, put.distant_irradiance];
         assert!(all.iter().all(|value| *value > 0.0 && *value <= 1e30), "black and blinding lights: {all:?}");
         assert!(put.distant_axis.iter().all(|value| value.is_finite()), "{:?}", put.distant_axis);

@@ -21,7 +21,7 @@ const LOOKS: u32 = 2;
 
 /// The picture as longitude and latitude. Call [`super::picture::fault`] before.
 pub(super) fn to_latlong(picture: LightPicture, format: DomeFormat) -> LightPicture {
-    let place: fn([f64; 3]) -> Place = match format {
+    let place: fn([f64; 3]) -> PicturePlace = match format {
         DomeFormat::Automatic | DomeFormat::Latlong | DomeFormat::Other => return picture,
         DomeFormat::MirroredBall => mirrored_ball,
         DomeFormat::Angular => angular,
@@ -48,13 +48,13 @@ pub(super) fn to_latlong(picture: LightPicture, format: DomeFormat) -> LightPict
 
 /// A place of a picture in shares of its sides, from the upper left, and the part that is looked at: nothing outside of
 /// it is.
-struct Place {
+struct PicturePlace {
     at: [f64; 2],
-    part: Part,
+    part: PictureRegion,
 }
 
 /// A part of a picture.
-enum Part {
+enum PictureRegion {
     /// The disk that touches its sides.
     Disk,
     /// From, to, in shares of its sides.
@@ -62,22 +62,22 @@ enum Part {
 }
 
 /// The place in the disk of radius `r` in the azimuth of a direction.
-fn in_disk(d: [f64; 3], r: f64) -> Place {
+fn in_disk(d: [f64; 3], r: f64) -> PicturePlace {
     let across = d[0].hypot(d[1]);
     let [a, b] = if across > 0.0 { [d[0] / across * r, d[1] / across * r] } else { [r, 0.0] };
-    Place { at: [0.5 + 0.5 * a, 0.5 - 0.5 * b], part: Part::Disk }
+    PicturePlace { at: [0.5 + 0.5 * a, 0.5 - 0.5 * b], part: PictureRegion::Disk }
 }
 
-fn mirrored_ball(d: [f64; 3]) -> Place {
+fn mirrored_ball(d: [f64; 3]) -> PicturePlace {
     // The normal is half way between the direction and +z: its share across is the sine of half the angle.
     in_disk(d, (0.5 * (1.0 - d[2])).clamp(0.0, 1.0).sqrt())
 }
 
-fn angular(d: [f64; 3]) -> Place {
+fn angular(d: [f64; 3]) -> PicturePlace {
     in_disk(d, d[2].clamp(-1.0, 1.0).acos() / PI)
 }
 
-fn vertical_cross([x, y, z]: [f64; 3]) -> Place {
+fn vertical_cross([x, y, z]: [f64; 3]) -> PicturePlace {
     let [ax, ay, az] = [x, y, z].map(f64::abs);
     // Column and row of the face, and the place on it from -1 to 1, to the right and down.
     let (column, row, right, down) = if az >= ax && az >= ay {
@@ -90,14 +90,14 @@ fn vertical_cross([x, y, z]: [f64; 3]) -> Place {
         (0.0, 1.0, z / ax, -y / ax)
     };
     let at = [(column + 0.5 + 0.5 * right) / 3.0, (row + 0.5 + 0.5 * down) / 4.0];
-    Place { at, part: Part::Box([column / 3.0, row / 4.0], [(column + 1.0) / 3.0, (row + 1.0) / 4.0]) }
+    PicturePlace { at, part: PictureRegion::Box([column / 3.0, row / 4.0], [(column + 1.0) / 3.0, (row + 1.0) / 4.0]) }
 }
 
 /// Linear between the middles of texels that are inside of the part.
-fn look(picture: &LightPicture, place: &Place) -> [f64; 3] {
+fn look(picture: &LightPicture, place: &PicturePlace) -> [f64; 3] {
     let size = [f64::from(picture.width), f64::from(picture.height)];
     let at = match place.part {
-        Part::Disk => {
+        PictureRegion::Disk => {
             // All four texels are within the disk: what is around it is black, as a rule.
             let most = [0, 1].map(|k| (1.0 - 3.0 / size[k]).max(0.0));
             let off = [0, 1].map(|k| 2.0 * place.at[k] - 1.0);
@@ -105,7 +105,7 @@ fn look(picture: &LightPicture, place: &Place) -> [f64; 3] {
             let shrink = if radius > most[0].min(most[1]) { most[0].min(most[1]) / radius } else { 1.0 };
             [0, 1].map(|k| (0.5 + 0.5 * off[k] * shrink) * size[k])
         }
-        Part::Box(from, to) => [0, 1].map(|k| {
+        PictureRegion::Box(from, to) => [0, 1].map(|k| {
             let (low, high) = (from[k] * size[k] + 0.5, to[k] * size[k] - 0.5);
             if low < high { (place.at[k] * size[k]).clamp(low, high) } else { 0.5 * (low + high) }
         }),

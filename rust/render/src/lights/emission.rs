@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Emission of a prim's materials, as needed to build sampling weights of mesh lights. Render thread only.
 
-use super::emission_map::{EmissionMap, Finish};
-use super::program::{Corner, EmissionProgram, primvar};
+use super::emission_map::{EmissionMap, TexelFinish};
+use super::program::{EmissionCorner, EmissionProgram, primvar};
 use super::{emission_weight, narrow};
 use crate::textures::TextureCache;
 use oocpt_abi::{MaterialFlags, MaterialInput, NO_MATERIAL, NO_VALUE};
 use oocpt_core::Material;
-use oocpt_core::material::Input;
+use oocpt_core::material::InputValue;
 use oocpt_core::mesh::{MeshAsset, MeshSummary};
 use oocpt_core::scene::Snapshot;
 use oocpt_core::texture::TextureRef;
@@ -26,14 +26,14 @@ pub(super) enum EmittedPower {
     /// A primvar, by the number of its name, or the fallback where the mesh does not have it.
     Primvar(u32, [f32; 3]),
     /// A picture.
-    Picture(Picture),
+    Picture(EmissionPicture),
     /// A program.
     Program(Arc<EmissionProgram>),
 }
 
 /// See [`EmittedPower::Picture`].
 #[derive(Clone, Debug)]
-pub(super) struct Picture {
+pub(super) struct EmissionPicture {
     map: Arc<EmissionMap>,
     /// Number of the name of its texture coordinates, if it has any.
     set: Option<u32>,
@@ -51,7 +51,7 @@ pub(super) struct PrimEmission {
 
 /// What a prim emits at one of its placements.
 #[derive(Clone, Debug)]
-pub(super) struct Placed {
+pub(super) struct PlacedEmission {
     pub(super) emission: PrimEmission,
     /// By slot; the first float has the bits of `NO_VALUE` where the instance says nothing.
     pub(super) emissions: Vec<[f32; 3]>,
@@ -60,7 +60,7 @@ pub(super) struct Placed {
 /// Maps that are kept from snapshot to snapshot.
 #[derive(Debug, Default)]
 pub(super) struct EmissionMaps {
-    known: Vec<(TextureRef, Finish, Arc<EmissionMap>, bool)>,
+    known: Vec<(TextureRef, TexelFinish, Arc<EmissionMap>, bool)>,
     programs: Vec<(Arc<EmissionProgram>, bool)>,
     made: u64,
     /// [`SurfaceTables::most_lookups`](oocpt_core::scene::SurfaceTables::most_lookups) of the snapshot.
@@ -88,7 +88,7 @@ impl EmissionMaps {
         self.made += 1;
         let program = EmissionProgram::new(material, self.most_lookups, self.made, |lookup| {
             let texture = snapshot.surfaces.textures.get(lookup.texture as usize).filter(|texture| !texture.is_ptex)?;
-            let finish = Finish { channel: None, scale: [1.0; 4], bias: [0.0; 4] };
+            let finish = TexelFinish { channel: None, scale: [1.0; 4], bias: [0.0; 4] };
             // Without images all of them are black.
             Some(self.get(texture, finish, images?))
         })?;
@@ -104,8 +104,8 @@ impl EmissionMaps {
         Some(program)
     }
 
-    fn get(&mut self, texture: &TextureRef, finish: Finish, images: &TextureCache) -> Arc<EmissionMap> {
-        let is_it = |entry: &&mut (TextureRef, Finish, _, bool)| entry.0 == *texture && entry.1 == finish;
+    fn get(&mut self, texture: &TextureRef, finish: TexelFinish, images: &TextureCache) -> Arc<EmissionMap> {
+        let is_it = |entry: &&mut (TextureRef, TexelFinish, _, bool)| entry.0 == *texture && entry.1 == finish;
         if let Some((.., map, is_used)) = self.known.iter_mut().find(is_it) {
             *is_used = true;
             return Arc::clone(map);
@@ -120,7 +120,7 @@ impl EmissionMaps {
 
     /// A file that cannot be read shows its fallback; the textures' own warning says why. Sets of files are taken as
     /// even.
-    fn make(&self, texture: &TextureRef, finish: &Finish, images: &TextureCache) -> EmissionMap {
+    fn make(&self, texture: &TextureRef, finish: &TexelFinish, images: &TextureCache) -> EmissionMap {
         if texture.asset.resolved.contains("<UDIM>") || self.known.len() >= MAX_MAPS {
             return EmissionMap::even(1.0, self.made);
         }
@@ -165,7 +165,7 @@ impl PrimEmission {
     }
 
     /// Those at a placement, where its instance has something to say; `values` by number of the name.
-    pub(super) fn placed(&self, mesh: &MeshSummary, values: &[(u32, [f32; 4])]) -> Option<Placed> {
+    pub(super) fn placed(&self, mesh: &MeshSummary, values: &[(u32, [f32; 4])]) -> Option<PlacedEmission> {
         let value = |name: u32| {
             let is_own = mesh.primvars.iter().any(|primvar| primvar.id == name);
             values.iter().find(|value| value.0 == name && !is_own).map(|value| value.1)
@@ -193,7 +193,7 @@ impl PrimEmission {
             });
         }
         let emission = Self::scaled(by_slot).unwrap_or(Self { by_slot: Vec::new(), scale: 1.0 });
-        Some(Placed { emission, emissions })
+        Some(PlacedEmission { emission, emissions })
     }
 
     /// What tells emitters of one mesh apart.
@@ -210,7 +210,7 @@ impl PrimEmission {
                     let [low, high] = halves(program.number);
                     key.extend([3, self.scale.to_bits(), low, high]);
                 }
-                EmittedPower::Picture(Picture { map, set, fallback, rows }) => {
+                EmittedPower::Picture(EmissionPicture { map, set, fallback, rows }) => {
                     let [low, high] = halves(map.number);
                     key.extend([2, self.scale.to_bits(), low, high, set.unwrap_or(u32::MAX)]);
                     key.extend(fallback.iter().chain(rows.as_flattened()).map(|v| v.to_bits()));
@@ -277,7 +277,7 @@ impl EmittedPower {
     }
 
     /// What they have that a program reads.
-    pub(super) fn program_corners(&self, mesh: &MeshAsset, triangle: usize) -> Option<[Corner; 3]> {
+    pub(super) fn program_corners(&self, mesh: &MeshAsset, triangle: usize) -> Option<[EmissionCorner; 3]> {
         self.program().map(|program| program.corners(mesh, triangle))
     }
 
@@ -297,7 +297,7 @@ impl EmittedPower {
     }
 }
 
-impl Picture {
+impl EmissionPicture {
     fn place(&self, st: [f32; 3]) -> [f64; 2] {
         let [s, t] = if self.set.is_some() { [st[0], st[1]].map(f64::from) } else { [0.0; 2] };
         self.rows.map(|[x, y, z]| f64::from(x) * s + f64::from(y) * t + f64::from(z))
@@ -316,21 +316,21 @@ fn emitted_power(
         return None;
     }
     match material.input(MaterialInput::EmissiveColor) {
-        Input::Constant([r, g, b, _]) => {
+        InputValue::Constant([r, g, b, _]) => {
             let emission = [*r, *g, *b].map(|c| c.max(0.0));
             let usable = emission.iter().all(|c| *c <= MAX_EMISSION);
             Some(EmittedPower::Even(if usable { narrow(emission_weight(emission.map(f64::from))) } else { 0.0 }))
         }
-        Input::Primvar { slot, fallback: [r, g, b, _] } => {
+        InputValue::Primvar { slot, fallback: [r, g, b, _] } => {
             Some(EmittedPower::Primvar(material.primvars.get(usize::from(*slot))?.id, [*r, *g, *b]))
         }
-        Input::Register(_) => maps.program(snapshot, material, images).map(EmittedPower::Program),
-        Input::Texture { texture, channel, scale, bias, uv, transform } => {
+        InputValue::Register(_) => maps.program(snapshot, material, images).map(EmittedPower::Program),
+        InputValue::Texture { texture, channel, scale, bias, uv, transform } => {
             let texture = snapshot.surfaces.textures.get(*texture as usize)?;
             if texture.is_ptex {
                 return None;
             }
-            let finish = Finish { channel: *channel, scale: *scale, bias: *bias };
+            let finish = TexelFinish { channel: *channel, scale: *scale, bias: *bias };
             // Without images all of them are black.
             let map = maps.get(texture, finish, images?);
             let set = match uv {
@@ -338,7 +338,7 @@ fn emitted_power(
                 None => None,
             };
             let fallback = set.map_or([0.0; 2], |set| set.fallback);
-            Some(EmittedPower::Picture(Picture { map, set: set.map(|set| set.id), fallback, rows: *transform }))
+            Some(EmittedPower::Picture(EmissionPicture { map, set: set.map(|set| set.id), fallback, rows: *transform }))
         }
     }
 }

@@ -7,7 +7,7 @@
 //! coarsest level that is fine enough, in evenly spaced rows where that level is larger. Render thread only.
 
 use super::emission_weight;
-use crate::textures::{Image, ImageError};
+use crate::textures::{ImageError, SourceImage};
 use half::f16;
 use oocpt_core::texture::{TexelFormat, TextureRef, Wrap, expand, is_srgb, linear_from_srgb};
 
@@ -24,13 +24,13 @@ pub(super) const MOST: f64 = 1e30;
 
 /// What an input makes of a texel.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Finish {
+pub(super) struct TexelFinish {
     pub(super) channel: Option<u8>,
     pub(super) scale: [f32; 4],
     pub(super) bias: [f32; 4],
 }
 
-impl Finish {
+impl TexelFinish {
     /// The colour, not negative. `is_texel`: no fallback, to which no scale and bias apply.
     pub(super) fn color(&self, texel: [f64; 4], is_texel: bool) -> [f64; 3] {
         let at = |k: usize| {
@@ -46,7 +46,7 @@ impl Finish {
 
 /// A level of the map.
 #[derive(Clone, Debug)]
-struct Level {
+struct MapLevel {
     size: [u32; 2],
     /// Mean weight of each cell, the lowest row first.
     cells: Vec<f32>,
@@ -56,7 +56,7 @@ struct Level {
 #[derive(Clone, Debug)]
 pub(super) struct EmissionMap {
     /// The finest first; the last has one cell.
-    levels: Vec<Level>,
+    levels: Vec<MapLevel>,
     wrap: [Wrap; 2],
     /// The weight where the picture is not continued.
     outside: f64,
@@ -68,9 +68,9 @@ pub(super) struct EmissionMap {
 impl EmissionMap {
     /// The map of an image as `texture` reads it.
     pub(super) fn of_image(
-        image: &dyn Image,
+        image: &dyn SourceImage,
         texture: &TextureRef,
-        finish: &Finish,
+        finish: &TexelFinish,
         number: u64,
     ) -> Result<Self, ImageError> {
         let info = image.info();
@@ -110,19 +110,19 @@ impl EmissionMap {
             wrap => wrap,
         });
         let border = texture.has_border.then(|| emission_weight(finish.color(texture.fallback.map(f64::from), true)));
-        Ok(Self { outside: border.unwrap_or(0.0), ..Self::of_cells(Level { size, cells }, wrap, number) })
+        Ok(Self { outside: border.unwrap_or(0.0), ..Self::of_cells(MapLevel { size, cells }, wrap, number) })
     }
 
     /// A map that is the same everywhere.
     pub(super) fn even(weight: f64, number: u64) -> Self {
         #[expect(clippy::cast_possible_truncation, reason = "at most 1e31")]
         let cells = vec![weight as f32];
-        Self::of_cells(Level { size: [1, 1], cells }, [Wrap::Clamp; 2], number)
+        Self::of_cells(MapLevel { size: [1, 1], cells }, [Wrap::Clamp; 2], number)
     }
 
-    fn of_cells(finest: Level, wrap: [Wrap; 2], number: u64) -> Self {
+    fn of_cells(finest: MapLevel, wrap: [Wrap; 2], number: u64) -> Self {
         let mut levels = vec![finest];
-        while let Some(next) = levels.last().and_then(Level::coarser) {
+        while let Some(next) = levels.last().and_then(MapLevel::coarser) {
             levels.push(next);
         }
         let mean = levels.last().and_then(|level| level.cells.first()).copied().map_or(0.0, f64::from);
@@ -173,7 +173,7 @@ pub(super) fn lattice(n: u32) -> impl Iterator<Item = [f64; 2]> {
     })
 }
 
-impl Level {
+impl MapLevel {
     /// Half as many cells along each axis; `None` after the last.
     fn coarser(&self) -> Option<Self> {
         if self.size == [1, 1] {
@@ -251,7 +251,7 @@ mod tests {
     use super::*;
 
     fn map(size: [u32; 2], cells: Vec<f32>, wrap: Wrap) -> EmissionMap {
-        EmissionMap::of_cells(Level { size, cells }, [wrap; 2], 0)
+        EmissionMap::of_cells(MapLevel { size, cells }, [wrap; 2], 0)
     }
 
     #[test]
@@ -298,10 +298,10 @@ mod tests {
 
     #[test]
     fn emission_applies_channel_scale_and_bias_and_clamps_at_zero() {
-        let finish = Finish { channel: None, scale: [2.0, 1.0, 1.0, 1.0], bias: [0.0, -1.0, 0.5, 0.0] };
+        let finish = TexelFinish { channel: None, scale: [2.0, 1.0, 1.0, 1.0], bias: [0.0, -1.0, 0.5, 0.0] };
         assert_eq!(finish.color([1.0, 0.5, 0.25, 1.0], true), [2.0, 0.0, 0.75], "each channel for itself");
         assert_eq!(finish.color([1.0, 0.5, 0.25, 1.0], false), [1.0, 0.5, 0.25], "a fallback stays as it is");
-        let one = Finish { channel: Some(3), ..finish };
+        let one = TexelFinish { channel: Some(3), ..finish };
         assert_eq!(one.color([1.0, 0.5, 0.25, 0.75], true), [0.75; 3], "one channel for all");
     }
 }

@@ -4,7 +4,7 @@
 
 use super::emission::{EmittedPower, PrimEmission, halves};
 use super::narrow;
-use super::program::{Corner, with_floor};
+use super::program::{EmissionCorner, with_floor};
 use super::tree::{self, LightBounds, NOTHING};
 use oocpt_abi::{GpuLightLeaf, GpuLightNode, GpuLightTriangle};
 use oocpt_core::mesh::MeshAsset;
@@ -18,7 +18,7 @@ const INSIDE: f64 = 0.05;
 
 /// See the module. Indices count from 0 in each table.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Emitter {
+pub(super) struct MeshEmitter {
     pub(super) nodes: Vec<GpuLightNode>,
     pub(super) leaves: Vec<GpuLightLeaf>,
     pub(super) triangles: Vec<GpuLightTriangle>,
@@ -29,7 +29,7 @@ pub(super) struct Emitter {
     /// What `triangles` have at their corners, and their weight.
     pub(super) values: Vec<([[f32; 3]; 3], f32)>,
     /// What `triangles` have at their corners that a program reads; `None` of other emissions.
-    pub(super) corners: Vec<Option<[Corner; 3]>>,
+    pub(super) corners: Vec<Option<[EmissionCorner; 3]>>,
     /// Some of it varies, or is not in the material.
     pub(super) varies: bool,
     /// All of it in the mesh's frame; the power is the sum of areas times weights.
@@ -38,7 +38,7 @@ pub(super) struct Emitter {
 
 /// A triangle that emits.
 #[derive(Clone, Copy)]
-struct Part {
+struct EmittingTriangle {
     triangle: usize,
     face: u32,
     slot: u16,
@@ -63,10 +63,11 @@ pub(super) fn dot(a: Point, b: Point) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-impl Emitter {
+impl MeshEmitter {
     /// `None` where nothing emits.
     pub(super) fn new(mesh: &MeshAsset, emission: &PrimEmission) -> Option<Self> {
-        let mut parts: Vec<Part> = (0..mesh.triangles.len()).filter_map(|at| part(mesh, emission, at)).collect();
+        let mut parts: Vec<EmittingTriangle> =
+            (0..mesh.triangles.len()).filter_map(|at| part(mesh, emission, at)).collect();
         if parts.iter().any(|part| part.varies) {
             weigh_programs(&mut parts, mesh, emission);
             parts.sort_by_key(|part| part.face);
@@ -87,7 +88,7 @@ impl Emitter {
             return None;
         }
         parts.sort_by_key(|part| part.face);
-        let mut groups: Vec<&[Part]> = parts.chunk_by(|a, b| a.face == b.face).collect();
+        let mut groups: Vec<&[EmittingTriangle]> = parts.chunk_by(|a, b| a.face == b.face).collect();
         // Faces that are near each other come to one leaf.
         let bounds = parts.iter().fold(NOTHING, |sum, part| sum.union(&part.bounds));
         groups.sort_by_cached_key(|group| (morton(&bounds, group), group[0].face));
@@ -124,7 +125,13 @@ impl Emitter {
             && self.face_weights.iter().all(|weight| weight.is_finite())
     }
 
-    fn add_leaf(&mut self, mesh: &MeshAsset, emission: &PrimEmission, groups: &[&[Part]], whole: f64) -> LightBounds {
+    fn add_leaf(
+        &mut self,
+        mesh: &MeshAsset,
+        emission: &PrimEmission,
+        groups: &[&[EmittingTriangle]],
+        whole: f64,
+    ) -> LightBounds {
         let number = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
         let leaf = number(self.leaves.len());
         let first = self.triangles.len();
@@ -154,10 +161,10 @@ impl Emitter {
 }
 
 /// Weighs what programs emit, slot by slot.
-fn weigh_programs(parts: &mut [Part], mesh: &MeshAsset, emission: &PrimEmission) {
+fn weigh_programs(parts: &mut [EmittingTriangle], mesh: &MeshAsset, emission: &PrimEmission) {
     for (slot, power) in (0_u16..).zip(&emission.by_slot) {
         let Some(program) = power.program() else { continue };
-        let own = |part: &&mut Part| part.slot == slot;
+        let own = |part: &&mut EmittingTriangle| part.slot == slot;
         let steps = program.steps(parts.iter().filter(|part| part.slot == slot).count());
         let (mut sum, mut area) = (0.0, 0.0);
         for part in parts.iter_mut().filter(own) {
@@ -173,7 +180,7 @@ fn weigh_programs(parts: &mut [Part], mesh: &MeshAsset, emission: &PrimEmission)
 }
 
 /// Gives the triangles of a face one weight for a unit of area: a hit knows its face, and no more.
-fn even_out(face: &mut [Part]) {
+fn even_out(face: &mut [EmittingTriangle]) {
     let power: f64 = face.iter().map(|part| part.bounds.power).sum();
     let area: f64 = face.iter().map(|part| part.area).sum();
     // As the shaders have it.
@@ -185,7 +192,7 @@ fn even_out(face: &mut [Part]) {
 }
 
 /// A triangle, if its slot emits.
-fn part(mesh: &MeshAsset, emission: &PrimEmission, at: usize) -> Option<Part> {
+fn part(mesh: &MeshAsset, emission: &PrimEmission, at: usize) -> Option<EmittingTriangle> {
     let triangle = mesh.triangles.get(at)?;
     let slot = mesh.subsets.get(at).copied().unwrap_or(0);
     let emitted: &EmittedPower = emission.by_slot.get(usize::from(slot))?;
@@ -203,11 +210,20 @@ fn part(mesh: &MeshAsset, emission: &PrimEmission, at: usize) -> Option<Part> {
     let [min, max] = [f64::min, f64::max].map(|f: fn(f64, f64) -> f64| [0, 1, 2].map(|k| f(f(a[k], b[k]), c[k])));
     let axis = normal.map(|x| x / length);
     let bounds = LightBounds { min, max, axis, spread: 0.0, emission: FRAC_PI_2, back: 1.0, power };
-    Some(Part { triangle: at, face: triangle.face, slot, weight, varies, area: 0.5 * length, corners, bounds })
+    Some(EmittingTriangle {
+        triangle: at,
+        face: triangle.face,
+        slot,
+        weight,
+        varies,
+        area: 0.5 * length,
+        corners,
+        bounds,
+    })
 }
 
 /// Place of a face on a curve through the box, ten bits an axis.
-fn morton(all: &LightBounds, group: &[Part]) -> u32 {
+fn morton(all: &LightBounds, group: &[EmittingTriangle]) -> u32 {
     let bounds = group.iter().fold(NOTHING, |sum, part| sum.union(&part.bounds));
     let mut code = 0;
     for k in 0..3 {

@@ -14,12 +14,12 @@ const MAX_PROFILE_BYTES: u64 = 16 << 20;
 /// What was read, from frame to frame; files that no light names any more are forgotten.
 #[derive(Debug, Default)]
 pub(crate) struct FileCache {
-    pictures: FxHashMap<(AssetRef, Option<DomeFormat>), Entry<EncodedPicture>>,
-    profiles: FxHashMap<AssetRef, Entry<IesProfile>>,
+    pictures: FxHashMap<(AssetRef, Option<DomeFormat>), CachedFile<EncodedPicture>>,
+    profiles: FxHashMap<AssetRef, CachedFile<IesProfile>>,
 }
 
 #[derive(Debug)]
-struct Entry<T> {
+struct CachedFile<T> {
     result: Result<Arc<T>, String>,
     is_used: bool,
 }
@@ -43,7 +43,7 @@ impl FileCache {
             }))
         };
         let entry = self.pictures.entry((asset.clone(), dome));
-        let entry = entry.or_insert_with(|| Entry { result: read(), is_used: true });
+        let entry = entry.or_insert_with(|| CachedFile { result: read(), is_used: true });
         entry.is_used = true;
         entry.result.clone()
     }
@@ -54,7 +54,7 @@ impl FileCache {
             let bytes = files.bytes(found(asset)?, MAX_PROFILE_BYTES)?;
             IesProfile::parse(&bytes).map(Arc::new).map_err(|error| error.to_string())
         };
-        let entry = self.profiles.entry(asset.clone()).or_insert_with(|| Entry { result: read(), is_used: true });
+        let entry = self.profiles.entry(asset.clone()).or_insert_with(|| CachedFile { result: read(), is_used: true });
         entry.is_used = true;
         entry.result.clone()
     }

@@ -3,7 +3,8 @@
 //! built or sent again. Render thread only.
 
 use super::LightTable;
-use crate::job::Job;
+use crate::forced_features::ForcedFeatures;
+use crate::job::RenderJob;
 use crate::light_files::LightFiles;
 use oocpt_abi::Features;
 use oocpt_core::scene::Snapshot;
@@ -16,17 +17,17 @@ pub(crate) struct LightSource {
     files: Arc<dyn LightFiles>,
     has_scene_lights: bool,
     is_dome_visible: bool,
-    carry: String,
+    carry: ForcedFeatures,
 }
 
 impl LightSource {
-    pub(crate) fn of(job: &Job) -> Self {
+    pub(crate) fn of(job: &RenderJob) -> Self {
         Self {
             snapshot: Arc::downgrade(&job.snapshot),
             files: Arc::clone(&job.files),
             has_scene_lights: job.settings.enable_scene_lights,
             is_dome_visible: job.settings.dome_light_camera_visible,
-            carry: job.settings.carry.clone(),
+            carry: job.options.forced_features,
         }
     }
 

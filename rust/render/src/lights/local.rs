@@ -22,7 +22,7 @@ pub(super) fn flags(light: &Light, kind: u32) -> u32 {
     kind | flags.bits()
 }
 
-/// How far the light's shadows reach: see `Lighting::local_reaches`.
+/// How far the light's shadows reach: see `LightTablePointers::local_reaches`.
 pub(super) fn reach(light: &Light) -> [f32; 4] {
     let Some(reach) = light.shadow_reach else { return [f32::MAX, 0.0, 1.0, 0.0] };
     [reach.distance, reach.falloff, 1.0 / reach.gamma, 0.0]

@@ -8,10 +8,10 @@
 //! light. Depends on the snapshot only, not on what is on the device. Pure.
 
 use super::emission::halves;
-use super::emission::{EmissionMaps, EmittedPower, Placed, PrimEmission};
-use super::emitter::{Emitter, cross, dot};
+use super::emission::{EmissionMaps, EmittedPower, PlacedEmission, PrimEmission};
+use super::emitter::{MeshEmitter, cross, dot};
 use super::local::finite_power;
-use super::mesh_motion::{MAX_KEYS, Motions, has_usable_size, swept};
+use super::mesh_motion::{MAX_KEYS, MotionTables, has_usable_size, swept};
 use super::tree::{self, LightBounds, NOTHING};
 use super::{EVEN_SHARE, count, narrow};
 use crate::textures::TextureCache;
@@ -20,7 +20,7 @@ use oocpt_abi::{
     NO_INDEX,
 };
 use oocpt_core::mesh::{LeafKind, SceneMesh};
-use oocpt_core::partition::World;
+use oocpt_core::partition::PartitionedWorld;
 use oocpt_core::scene::{MeshPlacement, MeshPlacements, Snapshot};
 use rustc_hash::FxHashMap;
 use std::f64::consts::PI;
@@ -55,7 +55,7 @@ pub(crate) struct MeshLights {
     pub(crate) corners: Vec<[f32; 4]>,
     /// Most textures that are looked up for a point.
     pub(crate) lookups: u32,
-    /// How those that move do: see [`oocpt_abi::Lighting::mesh_motion`]. Empty where none does, as the next.
+    /// How those that move do: see [`oocpt_abi::LightTablePointers::mesh_motion`]. Empty where none does, as the next.
     pub(crate) motion: Vec<[u32; 2]>,
     pub(crate) keys: Vec<GpuLightKey>,
     /// All placements, with their power.
@@ -67,8 +67,8 @@ pub(crate) struct MeshLights {
 /// What is kept from frame to frame.
 #[derive(Debug, Default)]
 pub(crate) struct MeshLightCache {
-    last: Option<(u64, Weak<World>, Option<Arc<MeshLights>>)>,
-    emitters: FxHashMap<EmitterKey, Option<Arc<Emitter>>>,
+    last: Option<(u64, Weak<PartitionedWorld>, Option<Arc<MeshLights>>)>,
+    emitters: FxHashMap<EmitterKey, Option<Arc<MeshEmitter>>>,
     maps: EmissionMaps,
     /// The points of something that emits light move, so it is not among them.
     deforms: bool,
@@ -112,7 +112,7 @@ impl MeshLightCache {
         self.deforms = leaves_out_deforming;
         drop_ambiguous(&mut placements);
         let known = std::mem::take(&mut self.emitters);
-        let mut making = Making::default();
+        let mut making = MeshLightBuilder::default();
         for placement in &placements {
             let (Some(mesh), Some(emission)) =
                 (snapshot.meshes.get(placement.mesh as usize), of_prim(placement.prim_id))
@@ -151,9 +151,9 @@ impl MeshLightCache {
 }
 
 /// The emitter of a mesh; none where nothing emits, or its asset cannot be had.
-fn emitter_of(mesh: &SceneMesh, emission: &PrimEmission) -> Option<Emitter> {
+fn emitter_of(mesh: &SceneMesh, emission: &PrimEmission) -> Option<MeshEmitter> {
     match mesh.asset() {
-        Ok(asset) => Emitter::new(&asset, emission),
+        Ok(asset) => MeshEmitter::new(&asset, emission),
         Err(error) => {
             // Loading it to the device will fail, too, which ends the render with this message.
             tracing::warn!(%error, "an emissive mesh");
@@ -178,20 +178,20 @@ fn drop_ambiguous(placements: &mut Vec<MeshPlacement>) {
 }
 
 #[derive(Default)]
-struct Making {
+struct MeshLightBuilder {
     placements: Vec<GpuMeshLight>,
     bounds: Vec<LightBounds>,
-    numbers: FxHashMap<*const Emitter, u32>,
-    emitters: Vec<Arc<Emitter>>,
+    numbers: FxHashMap<*const MeshEmitter, u32>,
+    emitters: Vec<Arc<MeshEmitter>>,
     triangles: usize,
     placed_values: Vec<[f32; 3]>,
     lookups: usize,
-    motions: Motions,
+    motions: MotionTables,
 }
 
-impl Making {
+impl MeshLightBuilder {
     /// The number of an emitter; `None` when there is no room for it.
-    fn number(&mut self, emitter: &Arc<Emitter>) -> Option<u32> {
+    fn number(&mut self, emitter: &Arc<MeshEmitter>) -> Option<u32> {
         if let Some(&number) = self.numbers.get(&Arc::as_ptr(emitter)) {
             return Some(number);
         }
@@ -212,8 +212,8 @@ impl Making {
         placement: &MeshPlacement,
         light_mesh: u32,
         emission: &PrimEmission,
-        emitter: &Emitter,
-        placed: Option<&Placed>,
+        emitter: &MeshEmitter,
+        placed: Option<&PlacedEmission>,
     ) -> bool {
         let scale = emission.scale;
         let map = &placement.outer_from_object;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Mesh lights that move: the tables of their motion (`Lighting::mesh_motion`, `mesh_keys`), and bounds that hold them
-//! while the shutter is open. Pure.
+//! Mesh lights that move: the tables of their motion (`LightTablePointers::mesh_motion`, `mesh_keys`), and bounds that
+//! hold them while the shutter is open. Pure.
 
 use super::local::{finite_power, light_key};
 use super::mesh::in_world;
@@ -17,7 +17,7 @@ pub(super) const MAX_KEYS: usize = 1 << 20;
 
 /// The tables while they are made.
 #[derive(Debug, Default)]
-pub(super) struct Motions {
+pub(super) struct MotionTables {
     /// First of `levels` and how many, of each light.
     places: Vec<[u32; 2]>,
     /// First of `keys` and how many.
@@ -27,7 +27,7 @@ pub(super) struct Motions {
     known: FxHashMap<*const MotionKey, (u32, Arc<[MotionKey]>)>,
 }
 
-impl Motions {
+impl MotionTables {
     /// Adds the motion of the next light; false, and nothing, when there is no room for it.
     pub(super) fn add(&mut self, motion: &PlacementMotion) -> bool {
         let is_new = |keys: &&Arc<[MotionKey]>| !self.known.contains_key(&keys.as_ptr());

@@ -12,7 +12,7 @@ use super::{emission_weight, narrow};
 use oocpt_abi::{AttributeRate, NAME_FRAME_X, NAME_FRAME_Y, NAME_NORMAL, NAME_POSITION, NAME_PTEX};
 use oocpt_core::Material;
 use oocpt_core::materialx::eval::run;
-use oocpt_core::materialx::program::{Geometry, Lookup, Op, Program};
+use oocpt_core::materialx::program::{Geometry, Op, Program, ProgramLookup};
 use oocpt_core::mesh::{AnyAttribute, MeshAsset};
 use std::sync::Arc;
 
@@ -24,7 +24,7 @@ const MOST_WORK: usize = 1 << 24;
 const FLOOR: f64 = 0.05;
 
 /// What a corner of a triangle has: both sets of texture coordinates (u, v, u, v), and two primvars.
-pub(super) type Corner = [[f32; 4]; 3];
+pub(super) type EmissionCorner = [[f32; 4]; 3];
 
 /// See the module. Two are equal when they emit the same.
 #[derive(Clone, Debug)]
@@ -60,7 +60,7 @@ impl EmissionProgram {
         material: &Material,
         most_lookups: usize,
         number: u64,
-        mut map: impl FnMut(&Lookup) -> Option<Arc<EmissionMap>>,
+        mut map: impl FnMut(&ProgramLookup) -> Option<Arc<EmissionMap>>,
     ) -> Option<Self> {
         let emission = material.emission.as_ref()?;
         let program = &emission.program;
@@ -109,8 +109,8 @@ impl EmissionProgram {
     }
 
     /// What the corners of a triangle have that the program reads.
-    pub(super) fn corners(&self, mesh: &MeshAsset, triangle: usize) -> [Corner; 3] {
-        let mut corners = [Corner::default(); 3];
+    pub(super) fn corners(&self, mesh: &MeshAsset, triangle: usize) -> [EmissionCorner; 3] {
+        let mut corners = [EmissionCorner::default(); 3];
         for (k, set) in self.sets.iter().enumerate() {
             let Some((name, [u, v])) = *set else { continue };
             let values = primvar(mesh, name, triangle).unwrap_or([[u, v, 0.0, 1.0]; 3]);
@@ -146,7 +146,7 @@ impl EmissionProgram {
         lattice(steps).map(|weights| self.weight_at(&corners, weights)).sum::<f64>() / count
     }
 
-    fn weight_at(&self, [a, b, c]: &[Corner; 3], [v, w]: [f64; 2]) -> f64 {
+    fn weight_at(&self, [a, b, c]: &[EmissionCorner; 3], [v, w]: [f64; 2]) -> f64 {
         let mix = |row: usize, k: usize| {
             let [a, b, c] = [a, b, c].map(|corner| f64::from(corner[row][k]));
             narrow(a * (1.0 - v - w) + b * v + c * w)
@@ -159,7 +159,7 @@ impl EmissionProgram {
             Geometry::Primvar1 => [0, 1, 2, 3].map(|k| mix(2, k)),
             _ => [0.0; 4],
         };
-        let texel = |lookup: &Lookup, place: Option<[f32; 2]>| {
+        let texel = |lookup: &ProgramLookup, place: Option<[f32; 2]>| {
             let [s, t] = match lookup.uv {
                 Some(set) => [uv[2 * usize::from(set & 1)], uv[2 * usize::from(set & 1) + 1]],
                 None => [0.0; 2],
@@ -205,11 +205,11 @@ pub(super) fn primvar(mesh: &MeshAsset, name: u32, triangle: usize) -> Option<[[
 #[cfg(test)]
 mod tests {
     use super::super::emission::{EmittedPower, PrimEmission};
-    use super::super::emitter::Emitter;
+    use super::super::emitter::MeshEmitter;
     use super::*;
     use oocpt_abi::{MaterialFlags, MaterialInput};
-    use oocpt_core::material::{Input, PrimvarSlot, UvSet};
-    use oocpt_core::materialx::Emission;
+    use oocpt_core::material::{InputValue, PrimvarSlot, UvSet};
+    use oocpt_core::materialx::MaterialEmission;
     use oocpt_core::materialx::program::{Instruction, Operand};
     use oocpt_core::mesh::MeshAsset;
     use oocpt_core::scene::MeshDesc;
@@ -231,13 +231,13 @@ mod tests {
         };
         Material {
             flags: MaterialFlags::EMISSIVE | MaterialFlags::PATTERNS,
-            inputs: [Input::Constant([0.0; 4]); MaterialInput::COUNT],
+            inputs: [InputValue::Constant([0.0; 4]); MaterialInput::COUNT],
             opacity_threshold: 0.0,
             uv_sets: vec![UvSet { name: "st".into(), id: 7, fallback: [3.0, 0.0] }],
             primvars: vec![PrimvarSlot { name: "place".into(), id: NAME_POSITION, fallback: [0.0; 4] }],
             program: Program::default(),
             opacity_program: Program::default(),
-            emission: Some(Emission { program, register: 0 }),
+            emission: Some(MaterialEmission { program, register: 0 }),
         }
     }
 
@@ -262,7 +262,7 @@ mod tests {
     fn weights(material: &Material) -> Option<Vec<f32>> {
         let power = EmittedPower::Program(Arc::new(made(material).expect("light can be asked for it")));
         let emission = PrimEmission { by_slot: vec![power], scale: 1.0 };
-        Emitter::new(&squares(), &emission).map(|emitter| emitter.face_weights)
+        MeshEmitter::new(&squares(), &emission).map(|emitter| emitter.face_weights)
     }
 
     #[test]
@@ -288,11 +288,12 @@ mod tests {
         of_ptex.uv_sets[0].id = NAME_PTEX;
         assert!(made(&of_ptex).is_none(), "Ptex");
         let mut textured = above_one(Geometry::Uv0, 0.0);
-        let lookup = Lookup { texture: 0, uv: Some(0), transform: [[0.0; 3]; 2], scale: [1.0; 4], bias: [0.0; 4] };
+        let lookup =
+            ProgramLookup { texture: 0, uv: Some(0), transform: [[0.0; 3]; 2], scale: [1.0; 4], bias: [0.0; 4] };
         if let Some(emission) = &mut textured.emission {
             emission.program.lookups = vec![lookup; 4];
         }
-        let map = |_: &Lookup| Some(Arc::new(EmissionMap::even(1.0, 1)));
+        let map = |_: &ProgramLookup| Some(Arc::new(EmissionMap::even(1.0, 1)));
         assert!(EmissionProgram::new(&textured, 12, 1, map).is_some(), "as many as there are places");
         assert!(EmissionProgram::new(&textured, 13, 1, map).is_none(), "one more");
     }

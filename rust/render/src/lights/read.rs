@@ -3,7 +3,7 @@
 
 use super::picture::MAX_TEXELS;
 use crate::light_files::LightPicture;
-use crate::textures::{Image, ImageError};
+use crate::textures::{ImageError, SourceImage};
 use half::f16;
 
 use oocpt_core::texture::{ColorSpace, TexelFormat, expand, is_srgb, linear_from_srgb};
@@ -16,7 +16,7 @@ impl LightPicture {
     ///
     /// # Errors
     /// More texels than a light's picture may have, or what the image says.
-    pub fn of_image(image: &dyn Image) -> Result<Self, ImageError> {
+    pub fn of_image(image: &dyn SourceImage) -> Result<Self, ImageError> {
         let info = image.info();
         let [width, height] = info.levels.first().copied().unwrap_or_default();
         let count = u64::from(width) * u64::from(height);
@@ -70,7 +70,7 @@ mod tests {
     #[derive(Debug)]
     struct Ramp(ImageInfo);
 
-    impl Image for Ramp {
+    impl SourceImage for Ramp {
         fn info(&self) -> ImageInfo {
             self.0.clone()
         }

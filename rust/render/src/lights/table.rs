@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The light table: all lights of a scene.
 
-use super::brightness::Brightness;
+use super::brightness::SceneBrightness;
 use super::files::FileCache;
 use super::picture::EncodedPicture;
 use super::tree::{self, LightBounds};
@@ -9,9 +9,9 @@ use super::{EVEN_SHARE, MeshLights, count, local, luminance, narrow};
 use crate::light_files::LightFiles;
 use oocpt_abi::{
     Features, GpuInfiniteLight, GpuLightKey, GpuLightKind, GpuLightNode, GpuLightShaping, GpuLocalLight, LightFlags,
-    Lighting, NO_INDEX,
+    LightTablePointers, NO_INDEX,
 };
-use oocpt_core::scene::{AssetRef, DomeFormat, DomeTexture, Emitter, IesProfile, Light, LocalLight, Snapshot};
+use oocpt_core::scene::{AssetRef, DomeFormat, DomeTexture, IesProfile, Light, LightEmitter, LocalLight, Snapshot};
 use rustc_hash::FxHashMap;
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
@@ -24,7 +24,7 @@ const JOINT_SHARE: f64 = 0.05;
 
 /// A picture where it is used.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Map {
+pub(crate) struct PlacedPicture {
     pub(crate) picture: Arc<EncodedPicture>,
     /// Rows of dome-from-world.
     pub(crate) rows: [[f32; 3]; 3],
@@ -39,7 +39,7 @@ pub(crate) struct LightTable {
     pub(crate) shapings: Vec<GpuLightShaping>,
     /// Profiles in words.
     pub(crate) profiles: Vec<u32>,
-    pub(crate) maps: Vec<Map>,
+    pub(crate) maps: Vec<PlacedPicture>,
     pub(crate) link_bits: Vec<u32>,
     pub(crate) link_words: u32,
     /// Set of categories of each prim id + 1, then the prim id that each is shown as.
@@ -65,8 +65,8 @@ pub(crate) struct LightTable {
     bounds: Vec<LightBounds>,
     /// Power of all local lights.
     local_power: f64,
-    /// What lights bring, see [`Brightness`].
-    brightness: Brightness,
+    /// What lights bring, see [`SceneBrightness`].
+    brightness: SceneBrightness,
     profile_words: FxHashMap<AssetRef, ProfilePlace>,
 }
 
@@ -81,7 +81,7 @@ struct ProfilePlace {
 }
 
 /// What reading files takes and leaves.
-struct Reading<'a> {
+struct FileReader<'a> {
     files: &'a dyn LightFiles,
     cache: &'a mut FileCache,
     warnings: Vec<String>,
@@ -97,14 +97,14 @@ impl LightTable {
         cache: &mut FileCache,
     ) -> (Self, Vec<String>) {
         let mut table = Self { origin: snapshot.origin.to_array(), ..Self::default() };
-        let mut reading = Reading { files, cache, warnings: Vec::new() };
+        let mut reading = FileReader { files, cache, warnings: Vec::new() };
         let origin = snapshot.origin.to_array();
         let mut powers = Vec::new();
         for light in lights {
             let counts = [table.locals.len(), table.infinite.len()];
             match &light.emitter {
-                Emitter::Local(local) => table.add_local(light, local, origin, &mut reading),
-                Emitter::Distant { direction, one_minus_cos } => {
+                LightEmitter::Local(local) => table.add_local(light, local, origin, &mut reading),
+                LightEmitter::Distant { direction, one_minus_cos } => {
                     let solid_angle = TAU * f64::from(*one_minus_cos);
                     let irradiance = luminance(light.radiance) * if *one_minus_cos > 0.0 { solid_angle } else { 1.0 };
                     powers.push(irradiance);
@@ -116,7 +116,7 @@ impl LightTable {
                         ..local::infinite(light, GpuLightKind::Distant)
                     });
                 }
-                Emitter::Dome { texture } => {
+                LightEmitter::Dome { texture } => {
                     let mean = table.add_dome(light, texture.as_ref(), camera_visible, &mut reading);
                     let irradiance = luminance(light.radiance) * PI * mean;
                     powers.push(irradiance);
@@ -232,7 +232,7 @@ impl LightTable {
         features
     }
 
-    fn add_local(&mut self, light: &Light, local: &LocalLight, origin: [f64; 3], reading: &mut Reading<'_>) {
+    fn add_local(&mut self, light: &Light, local: &LocalLight, origin: [f64; 3], reading: &mut FileReader<'_>) {
         if self.locals.len() >= tree::MAX_LIGHTS {
             let (path, most) = (&light.path, tree::MAX_LIGHTS);
             reading.warnings.push(format!("{path}: limits of the renderer: of more than {most} lights it is left out"));
@@ -289,7 +289,7 @@ impl LightTable {
             // At most 16 for each of 2^23 lights.
             let number = |n: usize| u32::try_from(n).unwrap_or_default();
             place = [number(self.keys.len()), number(motion.keys.len())];
-            let is_local = matches!(light.emitter, Emitter::Local(_));
+            let is_local = matches!(light.emitter, LightEmitter::Local(_));
             let origin = if is_local { self.origin } else { [0.0; 3] };
             self.keys.extend(local::keys(motion, origin));
         }
@@ -317,7 +317,7 @@ impl LightTable {
         light: &Light,
         texture: Option<&DomeTexture>,
         camera_visible: bool,
-        reading: &mut Reading<'_>,
+        reading: &mut FileReader<'_>,
     ) -> f64 {
         let mut gpu = local::infinite(light, GpuLightKind::Dome);
         let mut mean = 1.0;
@@ -351,7 +351,7 @@ impl LightTable {
     }
 
     fn map(&mut self, picture: Arc<EncodedPicture>, rows: [[f32; 3]; 3]) -> u32 {
-        let map = Map { picture, rows };
+        let map = PlacedPicture { picture, rows };
         let known = self.maps.iter().position(|m| Arc::ptr_eq(&m.picture, &map.picture) && m.rows == map.rows);
         let at = known.unwrap_or_else(|| {
             self.maps.push(map);
@@ -360,7 +360,7 @@ impl LightTable {
         u32::try_from(at).unwrap_or(NO_INDEX)
     }
 
-    fn profile(&mut self, asset: &AssetRef, reading: &mut Reading<'_>) -> Result<ProfilePlace, String> {
+    fn profile(&mut self, asset: &AssetRef, reading: &mut FileReader<'_>) -> Result<ProfilePlace, String> {
         if let Some(&known) = self.profile_words.get(asset) {
             return Ok(known);
         }
@@ -419,7 +419,7 @@ impl LightTable {
     }
 
     /// The block without addresses.
-    pub(crate) fn block(&self) -> Lighting {
+    pub(crate) fn block(&self) -> LightTablePointers {
         let without_place = self.locals.is_empty() && self.meshes.is_none();
         let local_share = match (without_place, self.infinite.is_empty()) {
             (true, _) => 0.0,
@@ -430,7 +430,7 @@ impl LightTable {
         let prim_count = u32::try_from(self.prim_sets.len() / 2).unwrap_or(u32::MAX);
         let mesh_light_count =
             self.meshes.as_ref().map_or(0, |meshes| u32::try_from(meshes.placements.len()).unwrap_or(u32::MAX));
-        let block = Lighting {
+        let block = LightTablePointers {
             infinite_count,
             link_words: self.link_words,
             local_share,
@@ -438,7 +438,7 @@ impl LightTable {
             mesh_light_count,
             joint: self.joint,
             textured_mesh_lights: u32::from(self.mesh_lookups() > 0),
-            ..Lighting::default()
+            ..LightTablePointers::default()
         };
         let mesh_power = self.meshes.as_ref().map(|meshes| meshes.bounds.power);
         self.brightness.put(block, !self.locals.is_empty(), mesh_power)

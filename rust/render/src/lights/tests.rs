@@ -157,11 +157,11 @@ pub(super) mod probe {
     use super::super::{FileCache, LightTable, LightTables};
     use crate::NoFiles;
     use crate::assets::SurfaceEntries;
-    use crate::device::{Device, DeviceOptions, Specialisation};
+    use crate::device::{Device, DeviceOptions, PassSpecialisation};
     use bytemuck::Zeroable;
-    use oocpt_abi::{Features, Frame, Push, Ray, groups};
+    use oocpt_abi::{Features, FrameConstants, PushConstants, Ray, groups};
     use oocpt_core::{LightDesc, LightKind, PrimDesc, SceneDb};
-    use oocpt_gpu::{Buffer, Usage};
+    use oocpt_gpu::{Buffer, BufferUsage};
     use oocpt_shaders::passes;
     use std::time::Duration;
 
@@ -240,19 +240,20 @@ pub(super) mod probe {
         tables.sync(&device, table).expect("the tables fit");
         let buffer = |name: &str, bytes: u64, usage| Buffer::new(&device.gpu, name, bytes, usage).expect("small");
         let rays = receivers();
-        let rays_buffer = buffer("rays", size_of_val(&rays[..]) as u64, Usage::Upload);
+        let rays_buffer = buffer("rays", size_of_val(&rays[..]) as u64, BufferUsage::Upload);
         rays_buffer.write(0, bytemuck::cast_slice(&rays)).expect("mapped");
-        let out = buffer("out", u64::from(RECEIVERS) * 16, Usage::Device);
-        let back = buffer("back", u64::from(RECEIVERS) * 16, Usage::Readback);
-        let frame = buffer("frame", size_of::<Frame>() as u64, Usage::Upload);
+        let out = buffer("out", u64::from(RECEIVERS) * 16, BufferUsage::Device);
+        let back = buffer("back", u64::from(RECEIVERS) * 16, BufferUsage::Readback);
+        let frame = buffer("frame", size_of::<FrameConstants>() as u64, BufferUsage::Upload);
         let (rays, radiance) = (rays_buffer.address(), out.address());
-        let mut block = Frame { rays, radiance, lighting: tables.lighting, seed: 3, ..Frame::zeroed() };
+        let mut block =
+            FrameConstants { rays, radiance, lighting: tables.lighting, seed: 3, ..FrameConstants::zeroed() };
         let mut features = table.features;
         let mut kept = Vec::new();
         if let Some(SurfaceEntries { materials, prims, slots, .. }) = surfaces {
             features |= Features::MATERIALS | Features::EMISSION;
             let mut put = |bytes: &[u8]| {
-                let table = buffer("table", bytes.len() as u64, Usage::Upload);
+                let table = buffer("table", bytes.len() as u64, BufferUsage::Upload);
                 table.write(0, bytes).expect("mapped");
                 kept.push(table);
                 kept.last().map_or(0, Buffer::address)
@@ -262,10 +263,10 @@ pub(super) mod probe {
             block.material_slots = put(bytemuck::cast_slice(slots));
         }
         frame.write(0, bytemuck::bytes_of(&block)).expect("mapped");
-        let special = Specialisation { max_levels: 1, stack_size: 64, features, fault: 0 };
+        let special = PassSpecialisation { max_levels: 1, stack_size: 64, features, fault: 0 };
         let pipeline = device.pipeline(&passes::LIGHT_PROBE, special).expect("it compiles");
         modes.map(|mode| {
-            let push = Push::wave(frame.address(), 0, RECEIVERS, RECEIVERS).with(0, mode);
+            let push = PushConstants::wave(frame.address(), 0, RECEIVERS, RECEIVERS).with(0, mode);
             let mut commands = device.gpu.commands("probe").expect("a list");
             commands.dispatch(&pipeline, bytemuck::bytes_of(&push), groups(u64::from(RECEIVERS)));
             commands.copy(&out, 0, &back, 0, out.size());

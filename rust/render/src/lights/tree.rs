@@ -117,7 +117,7 @@ pub(super) fn build(lights: &[LightBounds]) -> Vec<GpuLightNode> {
     let mut order: Vec<u32> = (0..count).collect();
     let mut nodes = Vec::with_capacity(order.len());
     nodes.push(empty());
-    let builder = Builder { lights };
+    let builder = LightTreeBuilder { lights };
     match order.len() {
         0 => {}
         1 => {
@@ -192,11 +192,11 @@ fn set(nodes: &mut [GpuLightNode], node: usize, side: usize, bounds: &LightBound
     node.child[side] = child;
 }
 
-struct Builder<'a> {
+struct LightTreeBuilder<'a> {
     lights: &'a [LightBounds],
 }
 
-impl Builder<'_> {
+impl LightTreeBuilder<'_> {
     fn light(&self, index: u32) -> Option<&LightBounds> {
         self.lights.get(index as usize)
     }

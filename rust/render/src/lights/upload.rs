@@ -7,12 +7,12 @@
 
 use super::MeshLights;
 use super::picture::EncodedPicture;
-use super::table::{LightTable, Map};
-use crate::assets::Writer;
+use super::table::{LightTable, PlacedPicture};
+use crate::assets::AssetCopier;
 use crate::device::Device;
 use crate::error::RenderError;
-use oocpt_abi::{GpuLightMap, Lighting};
-use oocpt_core::inventory::Inventory;
+use oocpt_abi::{GpuLightMap, LightTablePointers};
+use oocpt_core::inventory::RenderInventory;
 use oocpt_gpu::HeapRange;
 use std::sync::Arc;
 use std::time::Duration;
@@ -22,7 +22,7 @@ const WRITE_TIMEOUT: Duration = Duration::from_secs(120);
 
 /// A picture on the device.
 #[derive(Debug)]
-struct Resident {
+struct ResidentPicture {
     picture: Arc<EncodedPicture>,
     texels: HeapRange,
     cells: Option<HeapRange>,
@@ -32,7 +32,7 @@ struct Resident {
 #[derive(Debug)]
 struct ResidentMeshes {
     lights: Arc<MeshLights>,
-    /// In the order of the addresses in [`Lighting`]; `None`: not needed.
+    /// In the order of the addresses in [`LightTablePointers`]; `None`: not needed.
     tables: Vec<Option<HeapRange>>,
 }
 
@@ -42,7 +42,7 @@ struct MeshTables([u64; 12]);
 
 impl MeshTables {
     /// The block with these addresses.
-    fn with(self, block: Lighting) -> Lighting {
+    fn with(self, block: LightTablePointers) -> LightTablePointers {
         let [
             mesh_lights,
             light_meshes,
@@ -57,7 +57,7 @@ impl MeshTables {
             mesh_motion,
             mesh_keys,
         ] = self.0;
-        Lighting {
+        LightTablePointers {
             mesh_lights,
             light_meshes,
             mesh_nodes,
@@ -78,10 +78,10 @@ impl MeshTables {
 /// See the module.
 #[derive(Debug, Default)]
 pub(crate) struct LightTables {
-    pictures: Vec<Resident>,
+    pictures: Vec<ResidentPicture>,
     meshes: Option<ResidentMeshes>,
     tables: Vec<HeapRange>,
-    /// Address of the [`Lighting`]; 0 before the first [`Self::sync`].
+    /// Address of the [`LightTablePointers`]; 0 before the first [`Self::sync`].
     pub(crate) lighting: u64,
 }
 
@@ -92,10 +92,10 @@ impl LightTables {
         self.lighting = 0;
         self.pictures.retain(|have| lights.maps.iter().any(|map| Arc::ptr_eq(&map.picture, &have.picture)));
         let ring = device.loader()?.ring();
-        let mut writer = Writer::new(&device.gpu, ring);
+        let mut writer = AssetCopier::new(&device.gpu, ring);
         for map in &lights.maps {
             if !self.pictures.iter().any(|have| Arc::ptr_eq(&map.picture, &have.picture)) {
-                self.pictures.push(Resident::new(device, &mut writer, &map.picture)?);
+                self.pictures.push(ResidentPicture::new(device, &mut writer, &map.picture)?);
             }
         }
         let meshes = self.sync_meshes(device, &mut writer, lights.meshes.as_ref())?;
@@ -110,7 +110,7 @@ impl LightTables {
             self.tables.push(range);
             Ok(address)
         };
-        let block = Lighting {
+        let block = LightTablePointers {
             local_lights: put("local lights", bytemuck::cast_slice(&lights.locals))?,
             nodes: put("light tree", bytemuck::cast_slice(&lights.nodes))?,
             infinite_lights: put("lights at infinity", bytemuck::cast_slice(&lights.infinite))?,
@@ -138,7 +138,7 @@ impl LightTables {
     }
 
     /// Lists what is on the device.
-    pub(crate) fn list(&self, inventory: &mut Inventory) {
+    pub(crate) fn list(&self, inventory: &mut RenderInventory) {
         let pictures = self.pictures.iter().flat_map(|have| std::iter::once(&have.texels).chain(&have.cells));
         let meshes = self.meshes.iter().flat_map(|meshes| meshes.tables.iter().flatten());
         for range in pictures.chain(meshes).chain(&self.tables) {
@@ -146,11 +146,11 @@ impl LightTables {
         }
     }
 
-    /// Addresses of the tables of the meshes that emit light, in the order of [`Lighting`]; 0 without any.
+    /// Addresses of the tables of the meshes that emit light, in the order of [`LightTablePointers`]; 0 without any.
     fn sync_meshes(
         &mut self,
         device: &Device,
-        writer: &mut Writer<'_>,
+        writer: &mut AssetCopier<'_>,
         wanted: Option<&Arc<MeshLights>>,
     ) -> Result<MeshTables, RenderError> {
         self.meshes = self.meshes.take().filter(|have| wanted.is_some_and(|wanted| Arc::ptr_eq(wanted, &have.lights)));
@@ -161,7 +161,7 @@ impl LightTables {
         Ok(MeshTables(std::array::from_fn(|at| table(at).map_or(0, HeapRange::address))))
     }
 
-    fn entry(&self, map: &Map) -> GpuLightMap {
+    fn entry(&self, map: &PlacedPicture) -> GpuLightMap {
         let have = self.pictures.iter().find(|have| Arc::ptr_eq(&map.picture, &have.picture));
         let EncodedPicture { width, height, format, columns, rows, .. } = *map.picture;
         let [x, y, z] = map.rows;
@@ -172,7 +172,7 @@ impl LightTables {
 }
 
 impl ResidentMeshes {
-    fn new(device: &Device, writer: &mut Writer<'_>, lights: &Arc<MeshLights>) -> Result<Self, RenderError> {
+    fn new(device: &Device, writer: &mut AssetCopier<'_>, lights: &Arc<MeshLights>) -> Result<Self, RenderError> {
         let mut put = |name: &str, bytes: &[u8]| -> Result<Option<HeapRange>, RenderError> {
             if bytes.is_empty() {
                 return Ok(None);
@@ -199,8 +199,8 @@ impl ResidentMeshes {
     }
 }
 
-impl Resident {
-    fn new(device: &Device, writer: &mut Writer<'_>, picture: &Arc<EncodedPicture>) -> Result<Self, RenderError> {
+impl ResidentPicture {
+    fn new(device: &Device, writer: &mut AssetCopier<'_>, picture: &Arc<EncodedPicture>) -> Result<Self, RenderError> {
         let texels = device.heap.alloc("light picture", picture.bytes.len() as u64, 16)?;
         writer.bytes(&texels, 0, &picture.bytes)?;
         let mut cells = None;

@@ -2,18 +2,18 @@
 //! The memory of a streaming render: paths in slots, lists of rays that wait, the demand for
 //! units, and what the host reads of it.
 
-use super::needs::Needs;
-use super::observe::{Extents, Observation};
+use super::needs::StreamingNeeds;
+use super::observe::{StepExtents, StepObservation};
 use super::optional_buffers::{LOOKUP_BYTES, RouletteBuffers, TextureBuffers, list_questions, question_bytes};
-use super::places::{Bounds, Places, device_bytes};
+use super::places::{PlaceBounds, RadiancePlaces, device_bytes};
 use crate::error::RenderError;
 use crate::wavefront::{PathBuffers, PathNeeds};
 use oocpt_abi::{
-    Counters, Frame, GpuSurface, GpuSurfaceMaterial, Pending, Roulette, Segment, Streaming, TILE_KEYS, UnitDemand,
-    WORTH_SUMS, sort_blocks,
+    FrameConstants, GpuSurface, GpuSurfaceMaterial, PathSegment, PendingItems, RouletteStats, StreamingPointers,
+    TILE_KEYS, UnitDemand, WORTH_SUMS, WavefrontCounters, sort_blocks,
 };
-use oocpt_core::inventory::Inventory;
-use oocpt_gpu::{Buffer, Commands, Gpu, GpuError, Usage};
+use oocpt_core::inventory::RenderInventory;
+use oocpt_gpu::{Buffer, BufferUsage, CommandList, Gpu, GpuError};
 use std::sync::Arc;
 
 /// Most units whose demand the host reads in a step, 16 bytes each; the others ask again in the next one.
@@ -24,10 +24,10 @@ const MOST_LISTED: u32 = 1 << 16;
 pub(crate) struct StreamBuffers {
     /// One entry for each slot.
     pub(crate) paths: PathBuffers,
-    pub(crate) ended: Places,
+    pub(crate) ended: RadiancePlaces,
     /// Paths in flight and in all that were asked for; there may have been no memory for so many.
     asked: (u64, u64),
-    needs: Needs,
+    needs: StreamingNeeds,
     textures: Option<TextureBuffers>,
     roulette: Option<RouletteBuffers>,
     progress: Buffer,
@@ -60,22 +60,25 @@ impl StreamBuffers {
         gpu: &Arc<Gpu>,
         capacity: u32,
         (asked, host_bytes): ((u64, u64), u64),
-        needs: Needs,
+        needs: StreamingNeeds,
     ) -> Result<Self, GpuError> {
         let array = |name: &str, count: u32, stride: usize| {
-            Buffer::new(gpu, name, u64::from(count) * stride as u64, Usage::Device)
+            Buffer::new(gpu, name, u64::from(count) * stride as u64, BufferUsage::Device)
         };
         let slots = |name: &str, stride: usize| array(name, capacity, stride);
         let needs = needs.at_least_one();
-        let Needs { levels, geometry, units, .. } = needs;
-        let ended = Places::new(gpu, capacity, Bounds { total: asked.1, host_bytes })?;
+        let StreamingNeeds { levels, geometry, units, .. } = needs;
+        let ended = RadiancePlaces::new(gpu, capacity, PlaceBounds { total: asked.1, host_bytes })?;
         let segment_count = ended.segment_count;
-        let played = if needs.roulette { size_of::<Roulette>() + 4 * geometry as usize } else { 0 };
-        let demand_bytes = Extents::demand_bytes(listed(needs) as usize);
+        let played = if needs.roulette { size_of::<RouletteStats>() + 4 * geometry as usize } else { 0 };
+        let demand_bytes = StepExtents::demand_bytes(listed(needs) as usize);
         let visited = if needs.visits { 4 * geometry as usize } else { 0 };
-        let read =
-            size_of::<Counters>() + segment_count as usize * size_of::<Segment>() + demand_bytes + visited + played;
-        let readback = |name: &str| Buffer::new(gpu, name, read as u64, Usage::Readback);
+        let read = size_of::<WavefrontCounters>()
+            + segment_count as usize * size_of::<PathSegment>()
+            + demand_bytes
+            + visited
+            + played;
+        let readback = |name: &str| Buffer::new(gpu, name, read as u64, BufferUsage::Readback);
         let buffers = Self {
             paths: PathBuffers::new(gpu, capacity, levels, path_needs(needs))?,
             ended,
@@ -86,15 +89,15 @@ impl StreamBuffers {
             progress: slots("progress", 4)?,
             places: slots("places", 4)?,
             free_slots: slots("free_slots", 4)?,
-            pending: slots("pending", size_of::<Pending>())?,
-            shadow_pending: needs.shadows.then(|| slots("shadow_pending", size_of::<Pending>())).transpose()?,
+            pending: slots("pending", size_of::<PendingItems>())?,
+            shadow_pending: needs.shadows.then(|| slots("shadow_pending", size_of::<PendingItems>())).transpose()?,
             surfaces: slots("surfaces", size_of::<GpuSurface>())?,
             surface_materials: needs
                 .materials
                 .then(|| slots("surface materials", size_of::<GpuSurfaceMaterial>()))
                 .transpose()?,
             deferred: [slots("deferred 0", 8)?, slots("deferred 1", 8)?],
-            segments: array("segments", segment_count, size_of::<Segment>())?,
+            segments: array("segments", segment_count, size_of::<PathSegment>())?,
             demand: array("demand", units, 16)?,
             demand_counts: array("demand counts", 2, 4)?,
             demanded: array("demanded units", listed(needs), 4)?,
@@ -102,7 +105,7 @@ impl StreamBuffers {
             sort_counts: array("sort_counts", sorted(needs), 8)?,
             sort_sums: array("sort_sums", sort_blocks(sorted(needs)).max(1), 4)?,
             unit_rays: array("unit_rays", geometry, 4)?,
-            streaming: Buffer::new(gpu, "streaming", size_of::<Streaming>() as u64, Usage::Upload)?,
+            streaming: Buffer::new(gpu, "streaming", size_of::<StreamingPointers>() as u64, BufferUsage::Upload)?,
             readback: [readback("steps 0")?, readback("steps 1")?],
         };
         buffers.streaming.write(0, bytemuck::bytes_of(&buffers.block()))?;
@@ -110,7 +113,7 @@ impl StreamBuffers {
     }
 
     /// Lists the memory there is, and what is left out of it.
-    pub(crate) fn list(&self, inventory: &mut Inventory) {
+    pub(crate) fn list(&self, inventory: &mut RenderInventory) {
         self.paths.list(inventory);
         let Self { progress, places, free_slots, pending, surfaces, deferred, readback, .. } = self;
         let waiting = [progress, places, free_slots, pending, surfaces, &deferred[0], &deferred[1]];
@@ -132,7 +135,7 @@ impl StreamBuffers {
         let capacity = u64::from(self.paths.capacity);
         match &self.shadow_pending {
             Some(buffer) => inventory.add(buffer.name(), buffer.size()),
-            None => inventory.leave_out("shadow_pending", capacity * size_of::<Pending>() as u64),
+            None => inventory.leave_out("shadow_pending", capacity * size_of::<PendingItems>() as u64),
         }
         match &self.surface_materials {
             Some(buffer) => inventory.add(buffer.name(), buffer.size()),
@@ -155,18 +158,18 @@ impl StreamBuffers {
     }
 
     /// Whether this memory serves such a scene and so many paths, or is as much as there could be for them.
-    pub(crate) fn serves(&self, needs: Needs, asked: (u64, u64)) -> bool {
+    pub(crate) fn serves(&self, needs: StreamingNeeds, asked: (u64, u64)) -> bool {
         let enough = self.asked.0 >= asked.0 && self.asked.1 >= asked.1;
         self.needs == needs.at_least_one() && enough
     }
 
-    fn block(&self) -> Streaming {
+    fn block(&self) -> StreamingPointers {
         let textures = self.textures.as_ref();
         let of = |buffer: &dyn Fn(&TextureBuffers) -> &Buffer| textures.map_or(0, |t| buffer(t).address());
         let questions =
             |kind: usize| textures.and_then(|t| t.questions.as_ref()).map_or(0, |questions| questions[kind].address());
         let roulette = |of: &dyn Fn(&RouletteBuffers) -> &Buffer| self.roulette.as_ref().map_or(0, |r| of(r).address());
-        Streaming {
+        StreamingPointers {
             roulette: roulette(&|r| &r.block),
             worth: roulette(&|r| &r.worth),
             worth_sums: roulette(&|r| &r.worth_sums),
@@ -207,7 +210,7 @@ impl StreamBuffers {
     }
 
     /// Writes the addresses into a frame block.
-    pub(crate) fn bind(&self, frame: &mut Frame) {
+    pub(crate) fn bind(&self, frame: &mut FrameConstants) {
         self.paths.bind(frame);
         frame.streaming = self.streaming.address();
     }
@@ -223,7 +226,7 @@ impl StreamBuffers {
     }
 
     /// Forgets everything, before a stage.
-    pub(crate) fn clear(&self, commands: &mut Commands) {
+    pub(crate) fn clear(&self, commands: &mut CommandList) {
         for buffer in [&self.paths.counters, &self.segments, &self.unit_rays, &self.demand] {
             commands.fill(buffer, 0, buffer.size(), 0);
         }
@@ -233,12 +236,12 @@ impl StreamBuffers {
     }
 
     /// Before the deferred rays are sorted.
-    pub(crate) fn clear_sort(&self, commands: &mut Commands) {
+    pub(crate) fn clear_sort(&self, commands: &mut CommandList) {
         commands.fill(&self.sort_counts, 0, self.sort_counts.size(), 0);
     }
 
     /// Before demand is counted.
-    pub(crate) fn clear_demand(&self, commands: &mut Commands) {
+    pub(crate) fn clear_demand(&self, commands: &mut CommandList) {
         commands.fill(&self.demand_counts, 0, self.demand_counts.size(), 0);
     }
 
@@ -248,7 +251,7 @@ impl StreamBuffers {
     }
 
     /// Before what rays bring is added up.
-    pub(crate) fn clear_worth(&self, commands: &mut Commands) {
+    pub(crate) fn clear_worth(&self, commands: &mut CommandList) {
         for buffer in self.roulette.iter().flat_map(|roulette| [&roulette.worth, &roulette.worth_sums]) {
             commands.fill(buffer, 0, buffer.size(), 0);
         }
@@ -267,7 +270,7 @@ impl StreamBuffers {
     }
 
     /// Copies what the host reads of step `number`.
-    pub(crate) fn copy_out(&self, commands: &mut Commands, number: u64) {
+    pub(crate) fn copy_out(&self, commands: &mut CommandList, number: u64) {
         let target = self.readback_of(number);
         commands.concurrent(|c| {
             let mut offset = 0;
@@ -287,8 +290,8 @@ impl StreamBuffers {
     }
 
     /// Puts what step `number` left, once it has ended, into `seen`.
-    pub(crate) fn observe(&self, number: u64, seen: &mut Observation) -> Result<(), RenderError> {
-        let extents = Extents {
+    pub(crate) fn observe(&self, number: u64, seen: &mut StepObservation) -> Result<(), RenderError> {
+        let extents = StepExtents {
             segments: self.ended.segment_count as usize,
             listed: listed(self.needs) as usize,
             units: self.needs.units as usize,
@@ -299,7 +302,7 @@ impl StreamBuffers {
 
     /// Rays that entered each chunk and mesh, if they were counted; waits for the device.
     pub(crate) fn unit_rays(&self, gpu: &Arc<Gpu>) -> Result<Vec<u32>, RenderError> {
-        let target = Buffer::new(gpu, "unit rays", self.unit_rays.size(), Usage::Readback)?;
+        let target = Buffer::new(gpu, "unit rays", self.unit_rays.size(), BufferUsage::Readback)?;
         let mut commands = gpu.commands("unit rays")?;
         commands.copy(&self.unit_rays, 0, &target, 0, self.unit_rays.size());
         commands.submit()?.wait(crate::device::WAVE_TIMEOUT)?;
@@ -313,29 +316,29 @@ pub(super) fn verdict_table(number: u64) -> u32 {
 }
 
 /// Most units in the lists of demand.
-fn listed(needs: Needs) -> u32 {
+fn listed(needs: StreamingNeeds) -> u32 {
     needs.units.min(MOST_LISTED)
 }
 
 /// As many chunks as have the keys that deferred rays, and with textures materials, are sorted by.
-fn sorted(needs: Needs) -> u32 {
+fn sorted(needs: StreamingNeeds) -> u32 {
     if needs.textures { needs.chunks + TILE_KEYS / 2 } else { needs.chunks }
 }
 
 /// What the paths in slots need.
-fn path_needs(needs: Needs) -> PathNeeds {
-    let Needs { textures, light_paths, shadows, .. } = needs;
+fn path_needs(needs: StreamingNeeds) -> PathNeeds {
+    let StreamingNeeds { textures, light_paths, shadows, .. } = needs;
     PathNeeds { shadows, textures, light_paths, feedback: false, deferred_cutouts: false }
 }
 
 /// Bytes of device memory that a slot takes, at most.
-pub(super) fn slot_bytes(gpu: &Gpu, needs: Needs) -> u64 {
+pub(super) fn slot_bytes(gpu: &Gpu, needs: StreamingNeeds) -> u64 {
     let textures = if needs.textures { 8 + u64::from(needs.lookups) * LOOKUP_BYTES as u64 } else { 0 };
     let materials = if needs.materials { size_of::<GpuSurfaceMaterial>() as u64 } else { 0 };
     let cutouts = if needs.cutouts { 2 * question_bytes(needs) as u64 } else { 0 };
     // progress, places, free_slots; two lists of what is deferred.
     let numbers = 3 * 4 + 2 * 8;
-    let pending = (1 + u64::from(needs.shadows)) * size_of::<Pending>() as u64;
+    let pending = (1 + u64::from(needs.shadows)) * size_of::<PendingItems>() as u64;
     let waiting = numbers + pending + size_of::<GpuSurface>() as u64;
     path_needs(needs).bytes_a_path(needs.levels) + waiting + device_bytes(gpu) + textures + cutouts + materials
 }
@@ -351,7 +354,7 @@ mod tests {
         let gpu = Gpu::open(&OpenOptions { selector, ..OpenOptions::default() }).expect("a device");
         for bits in 0..32_u32 {
             let [textures, cutouts, materials, light_paths, shadows] = [0, 1, 2, 3, 4].map(|bit| bits >> bit & 1 == 1);
-            let needs = Needs {
+            let needs = StreamingNeeds {
                 levels: 2,
                 chunks: 3,
                 geometry: 4,
@@ -370,7 +373,7 @@ mod tests {
             let of = |capacity: u32| {
                 let paths = 1 << 40;
                 let made = StreamBuffers::new(&gpu, capacity, ((u64::from(capacity), paths), 1 << 40), needs);
-                let mut listed = Inventory::default();
+                let mut listed = RenderInventory::default();
                 made.expect("memory").list(&mut listed);
                 let of_host = ["ended_radiance", "steps 0", "steps 1", "streaming"];
                 let of_host = &of_host[usize::from(gpu.is_unified())..];

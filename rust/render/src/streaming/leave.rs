@@ -5,9 +5,9 @@
 //! are left or were streamed; then a later picture does not stream at all. Tiles of textures need not be there: passes
 //! of scenes in core say which ones they lack.
 
-use super::residency::Residency;
+use super::residency::SceneResidency;
 use crate::engine::StreamingEnd;
-use crate::wavefront::Pending;
+use crate::wavefront::PendingCompiles;
 
 /// Nanoseconds that a path saves, without and with tiles of textures, where the device is busy (decisions/0050).
 const NANOS_A_PATH: [u64; 2] = [5, 80];
@@ -34,7 +34,7 @@ pub(super) struct LeaveDecision {
     /// What a path saves that is not streamed, nanoseconds.
     nanos_a_path: u64,
     /// The other passes.
-    pub(super) compiles: Pending,
+    pub(super) compiles: PendingCompiles,
     pub(super) left_off: Option<StreamingEnd>,
 }
 
@@ -44,12 +44,12 @@ impl LeaveDecision {
     pub(super) fn new(is_possible: bool, has_tiles: bool, in_flight: u32, is_soon: bool) -> Self {
         let waited = NANOS_IN_FLIGHT * PATHS_IN_FLIGHT / u64::from(in_flight.max(1));
         let nanos_a_path = NANOS_A_PATH[usize::from(has_tiles)] + waited;
-        Self { is_possible, is_soon, has_tiles, nanos_a_path, compiles: Pending::default(), left_off: None }
+        Self { is_possible, is_soon, has_tiles, nanos_a_path, compiles: PendingCompiles::default(), left_off: None }
     }
 
     /// Whether to leave off now, after so many rays, with so many paths that have not begun and that were streamed; has
     /// the rest of the scene brought where that pays, and geometry go where it leaves tiles no room.
-    pub(super) fn step(&self, residency: &mut Residency<'_>, rays: u64, (unbegun, streamed): (u64, u64)) -> bool {
+    pub(super) fn step(&self, residency: &mut SceneResidency<'_>, rays: u64, (unbegun, streamed): (u64, u64)) -> bool {
         if !self.is_possible || self.left_off.is_some() {
             return false;
         }
@@ -70,7 +70,7 @@ impl LeaveDecision {
     }
 
     /// Has the rest of the scene brought if that pays where so many paths were streamed or have not begun.
-    pub(super) fn bring_rest(&self, residency: &mut Residency<'_>, paths: u64) {
+    pub(super) fn bring_rest(&self, residency: &mut SceneResidency<'_>, paths: u64) {
         if self.is_possible && !residency.brings_rest {
             residency.brings_rest = self.brings(residency.rest_bytes(), paths);
         }

@@ -3,11 +3,11 @@
 //! device has no room for. Render thread only.
 
 use super::reach::MappedUnits;
-use super::residency::Residency;
+use super::residency::SceneResidency;
 use crate::assets::HostHeapFiller;
 use crate::error::RenderError;
-use crate::shared::Gate;
-use oocpt_core::residency::{AssetId, Demand, UnitId, UnitState};
+use crate::shared::FrameGate;
+use oocpt_core::residency::{AssetId, RayDemand, UnitId, UnitState};
 use rustc_hash::FxHashSet;
 use std::time::{Duration, Instant};
 
@@ -25,7 +25,7 @@ const LONGEST_WAIT: Duration = Duration::from_secs(1);
 const SETTLED_SHARE: u64 = 32;
 const SETTLING_RAYS: u64 = 1 << 22;
 
-impl Residency<'_> {
+impl SceneResidency<'_> {
     /// Shows what host memory has of earlier frames and the device has not.
     pub(super) fn take_over_mapped(&mut self) {
         if !self.store.maps_any() {
@@ -54,14 +54,14 @@ impl Residency<'_> {
     }
 
     /// Begins to bring what rays wait for into host memory, but for what the device has room for beside all it holds.
-    pub(super) fn map_demanded(&mut self, demand: &Demand<'_>) -> Result<(), RenderError> {
+    pub(super) fn map_demanded(&mut self, demand: &RayDemand<'_>) -> Result<(), RenderError> {
         let Some(mut reach) = self.reach.take() else { return Ok(()) };
         let begun = self.map_most_wanted(&mut reach, demand);
         self.reach = Some(reach);
         begun
     }
 
-    fn map_most_wanted(&mut self, reach: &mut MappedUnits, demand: &Demand<'_>) -> Result<(), RenderError> {
+    fn map_most_wanted(&mut self, reach: &mut MappedUnits, demand: &RayDemand<'_>) -> Result<(), RenderError> {
         let waiting = |unit: UnitId| demand.waiting.get(unit as usize).copied().unwrap_or(0);
         let asked = demand.asked.unwrap_or_default().iter().copied();
         let mut wanted: Vec<UnitId> = asked.filter(|unit| waiting(*unit) > 0 && reach.is_absent(*unit)).collect();
@@ -90,10 +90,10 @@ impl Residency<'_> {
 
     /// Brings all geometry into host memory before any ray waits for it, one unit after the other. Leaves off when the
     /// gate says no, or when nothing comes.
-    pub(super) fn map_all(&mut self, gate: &Gate<'_>) -> Result<(), RenderError> {
+    pub(super) fn map_all(&mut self, gate: &FrameGate<'_>) -> Result<(), RenderError> {
         let (mut came, mut count) = (Instant::now(), 0);
         while !self.is_all_there() && came.elapsed() < LONGEST_WAIT && gate.proceed() {
-            self.map_demanded(&Demand::default())?;
+            self.map_demanded(&RayDemand::default())?;
             self.advance(WAIT)?;
             if self.store.mapped_count() != count {
                 (came, count) = (Instant::now(), self.store.mapped_count());
@@ -104,7 +104,7 @@ impl Residency<'_> {
 
     /// Whether what is visited most has come to the device, as far as there is room, after so many rays.
     pub(super) fn is_settled(&self, rays: u64) -> bool {
-        rays >= SETTLING_RAYS && self.planner.stats().bytes_in_flight <= self.planner.budget() / SETTLED_SHARE
+        is_settled(rays, self.planner.stats().bytes_in_flight, self.planner.budget())
     }
 
     /// Begins to bring what no ray has asked for. Few rays may wait for something in every step, so this goes on beside
@@ -160,7 +160,7 @@ impl Residency<'_> {
     /// Lets geometry go until tiles have so much room, as far as the budget has so much; what goes is read in host
     /// memory, or brought there.
     pub(super) fn make_room_for_tiles(&mut self, bytes: u64) {
-        let geometry = self.budget.saturating_sub(bytes.saturating_sub(self.textures.bytes_held));
+        let geometry = beside_tiles(self.budget, self.textures.bytes_held, bytes);
         if geometry < self.planner.budget() && self.planner.set_budget(geometry).is_err() {
             tracing::debug!(geometry, "no room for tiles");
         }
@@ -193,5 +193,37 @@ impl Residency<'_> {
         }
         self.grow_stack(unit);
         self.arrived.push(unit);
+    }
+}
+
+/// See [`Residency::is_settled`].
+fn is_settled(rays: u64, bytes_in_flight: u64, budget: u64) -> bool {
+    rays >= SETTLING_RAYS && bytes_in_flight <= budget / SETTLED_SHARE
+}
+
+/// Bytes of the budget for geometry and the tiles that are `held`, where all tiles are to have `bytes`.
+fn beside_tiles(budget: u64, held: u64, bytes: u64) -> u64 {
+    budget.saturating_sub(bytes.saturating_sub(held))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn streaming_is_settled_after_some_rays_when_little_is_in_flight() {
+        let budget = 320 << 20;
+        assert!(is_settled(SETTLING_RAYS, 10 << 20, budget));
+        assert!(!is_settled(SETTLING_RAYS - 1, 0, budget), "too few rays tell what is visited most");
+        assert!(!is_settled(u64::MAX, (10 << 20) + 1, budget), "much is still on its way");
+        assert!(is_settled(SETTLING_RAYS, 0, 0), "nothing can come");
+    }
+
+    #[test]
+    fn tiles_get_what_they_lack_of_the_budget() {
+        assert_eq!(beside_tiles(100, 0, 8), 92);
+        assert_eq!(beside_tiles(100, 5, 8), 97, "tiles that are held count in the planner's bytes");
+        assert_eq!(beside_tiles(100, 9, 8), 100);
+        assert_eq!(beside_tiles(4, 0, 8), 0);
     }
 }

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Renders a scene that does not fit: paths wait for chunks, the planner brings what most of them wait for.
 //!
-//! [`render`] makes the memory and lets the engine run over a [`Stage`]: take what the device has finished (`observe`),
-//! move the loads on and ask the planner (`residency`), hand the device its next step (`record`). A step writes the
-//! chunk table, wakes the rays whose chunk is there, traces some rounds and counts the waiting rays of each unit.
-//! Loads go on beside the steps on the loader's threads and the transfer queue.
+//! [`render`] makes the memory and lets the engine run over a [`StreamingStage`]: take what the device has finished
+//! (`observe`), move the loads on and ask the planner (`residency`), hand the device its next step (`record`). A step
+//! writes the chunk table, wakes the rays whose chunk is there, traces some rounds and counts the waiting rays of each
+//! unit. Loads go on beside the steps on the loader's threads and the transfer queue.
 //!
 //! The picture does not depend on any of this: `shaders/README.md` ("Streaming") and decisions/0005 say why.
 
@@ -30,32 +30,34 @@ mod stragglers;
 
 pub(crate) use buffers::StreamBuffers;
 
-use crate::assets::{HostHeapFiller, Scene, SceneAssets, SceneView, bytes_with_holes};
+use crate::assets::{DeviceScene, HostHeapFiller, SceneAssets, SceneView, bytes_with_holes};
 use crate::device::Device;
-use crate::engine::{self, Parts, Tracer};
+use crate::engine::{self, CompiledFeatures, WavefrontTracer};
 use crate::error::RenderError;
-use crate::host_memory::{self, Part};
+use crate::frame_context::{
+    FrameContext, geometry_cap, has_light_paths, has_shadow_rays, is_cpu, maps_host, shrinking,
+};
+use crate::host_memory::{self, HostMemoryUser};
 use crate::in_core::{LEFT_BY_WAVES, roomy_waves};
-use crate::job::Job;
-use crate::progress::Progress;
-use crate::setting::{Setting, geometry_cap, has_light_paths, has_shadow_rays, is_cpu, maps_host, shrinking};
-use crate::shared::Gate;
+use crate::job::RenderJob;
+use crate::progress::FrameProgress;
+use crate::shared::FrameGate;
 use crate::specialise;
 use crate::timings::LeftMoment;
 use crate::wavefront::BackgroundCompile;
-use clock::Clock;
+use clock::StageClock;
 use leave::LeaveDecision;
 use left::PathsLeftLog;
-use needs::Needs;
-use observe::Observation;
-use oocpt_abi::{Features, Frame, MAX_PENDING};
-use oocpt_core::inventory::Inventory;
+use needs::StreamingNeeds;
+use observe::StepObservation;
+use oocpt_abi::{Features, FrameConstants, MAX_PENDING};
+use oocpt_core::inventory::RenderInventory;
 use oocpt_gpu::MemoryUse;
-use residency::{Residency, Start};
-use share::Room;
-use stage::Stage;
+use residency::{ResidencyStart, SceneResidency};
+use share::ShareRequest;
+use stage::StreamingStage;
 use std::time::Instant;
-use stragglers::Stragglers;
+use stragglers::StragglerRoulette;
 
 /// Most paths in slots.
 const MOST_PATHS: u64 = 1 << 25;
@@ -74,65 +76,65 @@ const SLACK: u64 = 16;
 
 /// What the stages of a frame share.
 #[derive(Debug)]
-pub(crate) struct Streamer<'a, 'r> {
-    pub(crate) tracer: Tracer<'a>,
+pub(crate) struct StreamingContext<'a, 'r> {
+    pub(crate) tracer: WavefrontTracer<'a>,
     pub(crate) buffers: &'a StreamBuffers,
-    pub(crate) residency: Residency<'r>,
-    pub(crate) clock: Clock,
+    pub(crate) residency: SceneResidency<'r>,
+    pub(crate) clock: StageClock,
     /// Stack entries below the top level that the passes are compiled for.
     pub(crate) stack_entries: u32,
     view: SceneView,
     /// How the paths ran out.
     pub(crate) left: PathsLeftLog,
     /// Only with `oocpt:stragglerRoulette`.
-    pub(crate) stragglers: Option<Stragglers>,
+    pub(crate) stragglers: Option<StragglerRoulette>,
 }
 
-/// Renders `setting` from `scene`; publishes images and stats on the way. Gives the first path that is left, where the
-/// rest is better rendered without streaming ([`Scene::is_all_there`]).
+/// Renders `context` from `scene`; publishes images and stats on the way. Gives the first path that is left, where the
+/// rest is better rendered without streaming ([`DeviceScene::is_all_there`]).
 pub(crate) fn render(
-    setting: &Setting<'_>,
-    scene: &mut Scene,
+    context: &FrameContext<'_>,
+    scene: &mut DeviceScene,
     (kept, ahead): (&mut Option<StreamBuffers>, &mut BackgroundCompile),
-    gate: &Gate<'_>,
-    progress: &mut Progress<'_>,
+    gate: &FrameGate<'_>,
+    progress: &mut FrameProgress<'_>,
 ) -> Result<Option<u64>, RenderError> {
-    let Setting { device, job, .. } = *setting;
+    let FrameContext { device, job, .. } = *context;
     // Paths first: the heap takes what it can get.
-    make_buffers(setting, scene, kept)?;
+    make_buffers(context, scene, kept)?;
     scene.make_empty_tables(device)?;
     let view = scene.view(0)?;
-    let Some(buffers) = kept.as_ref() else {
-        return Err(RenderError::Internal("the frame's paths were not made".into()));
-    };
-    let parts = Parts::new(setting, &view, true);
+    let buffers = kept.as_ref().ok_or_else(|| RenderError::Internal("the frame's paths were not made".into()))?;
+    let parts = CompiledFeatures::new(context, &view, true);
     device.bsdf_tables(parts.features)?; // before geometry takes what is left
-    let maps = maps_host(device, &job.settings);
-    let budget = geometry_budget(setting, scene, buffers);
-    reserve(setting, scene, budget)?;
+    let budget = geometry_budget(context, scene, buffers);
+    reserve(context, scene, budget)?;
     let policy = job.settings.policy;
-    let mut listed = Inventory::default();
+    let mut listed = RenderInventory::default();
     scene.list(&mut listed, false);
     buffers.list(&mut listed);
     listed.add("geometry and textures, at most", budget);
     let assets = scene.assets.clone();
-    let filler = host_share(setting, scene, maps)?;
-    let may_leave = filler.is_some() && may_split(setting, scene) && holds(device, &assets, budget)?;
+    let filler = host_share(context, scene, maps_host(device, &job.settings))?;
+    let may_leave = filler.is_some() && may_split(context, scene) && holds(device, &assets, budget)?;
     let mut leave = LeaveDecision::new(may_leave, assets.tile_bytes > 0, buffers.paths.capacity, leaves_soon(job));
     let (_, store, tables) = scene.parts()?;
-    let mut residency = Residency::new(Start { device, assets: &assets, store, tables, budget, policy, filler })?;
+    let mut residency =
+        SceneResidency::new(ResidencyStart { device, assets: &assets, store, tables, budget, policy, filler })?;
     leave.bring_rest(&mut residency, progress.total_paths());
     if residency.brings_rest && !job.settings.interactive {
+        let started = Instant::now();
         residency.map_all(gate)?;
+        progress.timings.upload_secs += started.elapsed().as_secs_f64();
     }
     let stack_entries = residency.stack_entries.max(assets.likely_stack());
     let view = view.with_stack(stack_entries + MAX_PENDING);
-    let bind = |block: &mut Frame| buffers.bind(block);
-    let mut tracer = Tracer::new(setting, &buffers.paths, (&view, parts), listed, bind, progress)?;
+    let bind = |block: &mut FrameConstants| buffers.bind(block);
+    let mut tracer = WavefrontTracer::new(context, &buffers.paths, (&view, parts), listed, bind, progress)?;
     tracer.traces_into(buffers.written());
     if may_leave && leave.pays(progress.total_paths()) {
-        let view = if setting.carry.levels { view.deepest(stack_entries) } else { view.with_stack(stack_entries) };
-        ahead.begin(device, Parts::new(setting, &view, false).compiled_for(setting, &view)?, setting.film);
+        let view = if context.carry.levels { view.deepest(stack_entries) } else { view.with_stack(stack_entries) };
+        ahead.begin(device, CompiledFeatures::new(context, &view, false).compiled_for(context, &view)?, context.film);
         leave.compiles = ahead.pending();
     }
     tracing::info!(
@@ -146,54 +148,59 @@ pub(crate) fn render(
         %policy,
         "streaming"
     );
-    let streamer = Streamer {
+    let streamer = StreamingContext {
         tracer,
         buffers,
         residency,
-        clock: Clock::new(Instant::now()),
+        clock: StageClock::new(Instant::now()),
         stack_entries,
         view,
         left: PathsLeftLog::of(progress.total_paths()),
-        stragglers: job.settings.straggler_roulette.then(|| stragglers(setting)),
+        stragglers: job.settings.straggler_roulette.then(|| stragglers(context)),
     };
-    engine::render(&mut Stage::new(streamer, leave, gate.patience()), gate, progress)
+    engine::render(&mut StreamingStage::new(streamer, leave, gate.patience()), gate, progress)
 }
 
-fn stragglers(setting: &Setting<'_>) -> Stragglers {
-    let units = setting.job.snapshot.world.chunks.len() + setting.job.snapshot.meshes.len();
-    let stragglers = Stragglers::new(setting.job.settings.seed, units);
+fn stragglers(context: &FrameContext<'_>) -> StragglerRoulette {
+    let units = context.job.snapshot.world.chunks.len() + context.job.snapshot.meshes.len();
+    let stragglers = StragglerRoulette::new(context.job.settings.seed, units);
     #[cfg(feature = "faults")]
-    let stragglers = stragglers.with_faults(setting.job.options.faults);
+    let stragglers = stragglers.with_faults(context.job.options.faults);
     stragglers
 }
 
 /// Most lookups of textures of a surface, with those of what the mesh emits that it asks for light.
-fn lookups(setting: &Setting<'_>) -> u32 {
-    let of_lights = setting.lights.mesh_lookups();
-    u32::try_from(setting.job.snapshot.surfaces.most_lookups()).unwrap_or(0) + of_lights
+fn lookups(context: &FrameContext<'_>) -> u32 {
+    let of_lights = context.lights.mesh_lookups();
+    u32::try_from(context.job.snapshot.surfaces.most_lookups()).unwrap_or(0) + of_lights
 }
 
-/// Path memory: its share of what the budget leaves beside what cannot go ([`Room`]), and no more than the render has
-/// paths; less when there is no memory. What the scene holds on the device goes if paths have no room beside it.
-fn make_buffers(setting: &Setting<'_>, scene: &mut Scene, kept: &mut Option<StreamBuffers>) -> Result<(), RenderError> {
-    let Setting { device, job, .. } = *setting;
+/// Path memory: its share of what the budget leaves beside what cannot go ([`ShareRequest`]), and no more than the
+/// render has paths; less when there is no memory. What the scene holds on the device goes if paths have no room beside
+/// it.
+fn make_buffers(
+    context: &FrameContext<'_>,
+    scene: &mut DeviceScene,
+    kept: &mut Option<StreamBuffers>,
+) -> Result<(), RenderError> {
+    let FrameContext { device, job, .. } = *context;
     let textures = !scene.assets.textures.is_empty();
-    let needs = Needs {
+    let needs = StreamingNeeds {
         levels: scene.levels(),
         chunks: scene.chunk_count(),
         geometry: scene.assets.geometry_count(),
         units: scene.unit_count(),
         textures,
-        lookups: lookups(setting),
+        lookups: lookups(context),
         materials: job.snapshot.features.contains(Features::MATERIALS),
         cutouts: textures && specialise::has_cutouts(&job.snapshot),
         cutout_programs: textures && job.snapshot.features.contains(Features::CUTOUT_PROGRAMS),
-        light_paths: has_light_paths(setting),
-        shadows: has_shadow_rays(setting),
+        light_paths: has_light_paths(context),
+        shadows: has_shadow_rays(context),
         roulette: job.settings.straggler_roulette,
         visits: maps_host(device, &job.settings),
     };
-    let most = if leaves_soon(job) { FEWEST_PATHS } else { most_paths(setting) };
+    let most = if leaves_soon(job) { FEWEST_PATHS } else { most_paths(context) };
     let paths = job.request.pixels() * u64::from(job.settings.samples_per_pixel);
     let wanted = paths.clamp(FEWEST_PATHS, most).next_power_of_two();
     if kept.as_ref().is_some_and(|buffers| buffers.serves(needs, (wanted, paths))) {
@@ -203,7 +210,7 @@ fn make_buffers(setting: &Setting<'_>, scene: &mut Scene, kept: &mut Option<Stre
     let slot_bytes = buffers::slot_bytes(&device.gpu, needs);
     let unused = |memory: MemoryUse| memory.budget.saturating_sub(memory.used);
     let largest_unit = scene.assets.catalog.least_budget();
-    let room = Room {
+    let room = ShareRequest {
         bytes: unused(device.gpu.memory()) + scene.bytes_to_clear(device),
         slot_bytes,
         largest_unit,
@@ -219,7 +226,7 @@ fn make_buffers(setting: &Setting<'_>, scene: &mut Scene, kept: &mut Option<Stre
     if capacity * slot_bytes + beside > unused(device.gpu.memory()) {
         scene.clear(device)?;
     }
-    let host_bytes = host_memory::limit_of(Part::EndedPaths, &job.settings, 0, job.fixed_host_bytes);
+    let host_bytes = host_memory::limit_of(HostMemoryUser::EndedPaths, &job.settings, 0, job.fixed_host_bytes);
     *kept = Some(shrinking(capacity, FEWEST_PATHS, |capacity| {
         StreamBuffers::new(&device.gpu, capacity, ((wanted, paths), host_bytes), needs)
     })?);
@@ -228,14 +235,14 @@ fn make_buffers(setting: &Setting<'_>, scene: &mut Scene, kept: &mut Option<Stre
 
 /// Whether a scene that is all there, on the device and in host memory, may be rendered without streaming. Tiles of
 /// textures need room then, which a cap on geometry gives to chunks.
-pub(crate) fn may_split(setting: &Setting<'_>, scene: &Scene) -> bool {
-    let Setting { device, job, film, .. } = *setting;
-    let streams = setting.is_frugal || job.options.force_streaming || !job.settings.chunk_report.is_empty();
+pub(crate) fn may_split(context: &FrameContext<'_>, scene: &DeviceScene) -> bool {
+    let FrameContext { device, job, film, .. } = *context;
+    let streams = context.is_frugal || job.options.force_streaming || !job.settings.chunk_report.is_empty();
     maps_host(device, &job.settings)
         && !streams
         && !job.settings.straggler_roulette
         && film.adaptive().is_none()
-        && (scene.assets.tile_bytes == 0 || !setting.has_outgrown && geometry_cap(job).is_none())
+        && (scene.assets.tile_bytes == 0 || !context.has_outgrown && geometry_cap(job).is_none())
 }
 
 /// Whether the device, with `budget` bytes for geometry, and what host memory there may be hold all of the scene.
@@ -245,7 +252,7 @@ fn holds(device: &Device, assets: &SceneAssets, budget: u64) -> Result<bool, Ren
 }
 
 /// Whether a test wants the rest of a picture without streaming, however short it is.
-fn leaves_soon(job: &Job) -> bool {
+fn leaves_soon(job: &RenderJob) -> bool {
     #[cfg(feature = "faults")]
     return job.options.faults.leaves_soon;
     #[cfg(not(feature = "faults"))]
@@ -256,9 +263,9 @@ fn leaves_soon(job: &Job) -> bool {
 }
 
 /// Most paths in flight.
-fn most_paths(setting: &Setting<'_>) -> u64 {
-    let Setting { device, job, .. } = *setting;
-    match (setting.is_frugal, is_cpu(device), job.settings.interactive) {
+fn most_paths(context: &FrameContext<'_>) -> u64 {
+    let FrameContext { device, job, .. } = *context;
+    match (context.is_frugal, is_cpu(device), job.settings.interactive) {
         (true, ..) => FEWEST_PATHS,
         (false, true, _) => MOST_PATHS_CPU,
         (false, false, true) => MOST_PATHS_INTERACTIVE,
@@ -267,17 +274,21 @@ fn most_paths(setting: &Setting<'_>) -> u64 {
 }
 
 /// Divides the host memory for encoded geometry: what rays read in it is not kept a second time.
-fn host_share(setting: &Setting<'_>, scene: &mut Scene, maps: bool) -> Result<Option<HostHeapFiller>, RenderError> {
-    let Setting { device, job, .. } = *setting;
+fn host_share(
+    context: &FrameContext<'_>,
+    scene: &mut DeviceScene,
+    maps: bool,
+) -> Result<Option<HostHeapFiller>, RenderError> {
+    let FrameContext { device, job, .. } = *context;
     if !maps {
-        scene.unmap(device);
+        scene.unmap(device, false);
         let kept = scene.store.kept();
-        kept.limit(host_memory::limit_of(Part::Encoded, &job.settings, kept.bytes(), job.fixed_host_bytes));
+        kept.limit(host_memory::limit_of(HostMemoryUser::Encoded, &job.settings, kept.bytes(), job.fixed_host_bytes));
         return Ok(None);
     }
     let heap = device.host_heap()?.stats();
     let held = heap.arena_bytes + heap.dedicated_bytes + scene.store.kept().bytes();
-    let limit = host_memory::limit_of(Part::Encoded, &job.settings, held, job.fixed_host_bytes);
+    let limit = host_memory::limit_of(HostMemoryUser::Encoded, &job.settings, held, job.fixed_host_bytes);
     let mapped = bytes_with_holes(scene.assets.bytes, scene.assets.largest_bytes).min(limit);
     scene.store.kept().limit(limit - mapped);
     HostHeapFiller::start(device, mapped).map(Some)
@@ -285,37 +296,37 @@ fn host_share(setting: &Setting<'_>, scene: &mut Scene, maps: bool) -> Result<Op
 
 /// Bytes that chunks, meshes and assemblies may take: what the budget leaves, less some slack, no more than the user's
 /// own cap, and so little that a picture whose rest is traced without streaming has room for waves then.
-fn geometry_budget(setting: &Setting<'_>, scene: &Scene, buffers: &StreamBuffers) -> u64 {
-    let memory = setting.device.gpu.memory();
-    let heap = setting.device.heap.stats();
+fn geometry_budget(context: &FrameContext<'_>, scene: &DeviceScene, buffers: &StreamBuffers) -> u64 {
+    let memory = context.device.gpu.memory();
+    let heap = context.device.heap.stats();
     let unused_arenas = heap.arena_bytes.saturating_sub(heap.used_bytes);
     let free = memory.budget.saturating_sub(memory.used) + unused_arenas + scene.store.bytes();
     let slack = free / SLACK;
     let left = free - slack;
-    let cap = geometry_cap(setting.job).unwrap_or(u64::MAX);
-    if !(maps_host(setting.device, &setting.job.settings) && may_split(setting, scene)) {
+    let cap = geometry_cap(context.job).unwrap_or(u64::MAX);
+    if !(maps_host(context.device, &context.job.settings) && may_split(context, scene)) {
         return left.min(cap);
     }
-    let waves = roomy_waves(setting, scene);
+    let waves = roomy_waves(context, scene);
     let waves = waves + waves / (LEFT_BY_WAVES - 1);
-    let beside = share::beside_waves(left, buffers.slots_bytes(&setting.device.gpu), waves);
+    let beside = share::beside_waves(left, buffers.slots_bytes(&context.device.gpu), waves);
     beside.max(scene.assets.catalog.least_budget().min(left)).min(cap)
 }
 
 /// Makes large arenas for `budget` bytes of units and what they lose to holes, as far as there is
 /// memory: in small ones, units of very different sizes find no place long before the budget is reached.
-fn reserve(setting: &Setting<'_>, scene: &Scene, budget: u64) -> Result<(), RenderError> {
-    let (memory, heap) = (setting.device.gpu.memory(), setting.device.heap.stats());
+fn reserve(context: &FrameContext<'_>, scene: &DeviceScene, budget: u64) -> Result<(), RenderError> {
+    let (memory, heap) = (context.device.gpu.memory(), context.device.heap.stats());
     let there = heap.arena_bytes.saturating_sub(heap.used_bytes) + scene.store.bytes();
     let wanted = budget.min(scene.assets.bytes);
     let wanted = (wanted + wanted / SLACK).saturating_sub(there);
     let unused = memory.budget.saturating_sub(memory.used).saturating_sub(SMALL_BUFFERS);
     // What is too large for arenas has memory of its own, which these are to leave.
     let largest = scene.assets.largest_bytes;
-    let dedicated = if largest > setting.device.heap.largest_shared() { largest } else { 0 };
+    let dedicated = if largest > context.device.heap.largest_shared() { largest } else { 0 };
     let mut left = wanted.min(unused).saturating_sub(dedicated);
     while left >= LEAST_RESERVED {
-        match setting.device.heap.reserve(left)? {
+        match context.device.heap.reserve(left)? {
             0 => break,
             bytes => left = left.saturating_sub(bytes),
         }
@@ -323,9 +334,9 @@ fn reserve(setting: &Setting<'_>, scene: &Scene, budget: u64) -> Result<(), Rend
     Ok(())
 }
 
-impl Streamer<'_, '_> {
+impl StreamingContext<'_, '_> {
     /// Compiles the passes anew when a chunk on the device needs a deeper stack than they have.
-    pub(crate) fn deepen(&mut self, progress: &mut Progress<'_>) -> Result<(), RenderError> {
+    pub(crate) fn deepen(&mut self, progress: &mut FrameProgress<'_>) -> Result<(), RenderError> {
         if self.residency.stack_entries <= self.stack_entries {
             return Ok(());
         }
@@ -344,12 +355,12 @@ impl Streamer<'_, '_> {
 
     /// Bytes of geometry in host memory that rays read.
     fn mapped_bytes(&self) -> u64 {
-        self.tracer.setting.device.host_heap_if_made().map_or(0, |heap| heap.stats().live_bytes)
+        self.tracer.context.device.host_heap_if_made().map_or(0, |heap| heap.stats().live_bytes)
     }
 
     /// Brings the stats up to date.
-    fn report(&self, progress: &mut Progress<'_>, seen: &Observation, stragglers: u64, paths_left: u64) {
-        let heap = self.tracer.setting.device.heap.stats();
+    fn report(&self, progress: &mut FrameProgress<'_>, seen: &StepObservation, stragglers: u64, paths_left: u64) {
+        let heap = self.tracer.context.device.heap.stats();
         let planner = self.residency.planner.stats();
         let counters = &seen.counters;
         let (visits, misses) = (counters.chunk_visits as f64, counters.chunk_misses as f64);
@@ -377,7 +388,7 @@ impl Streamer<'_, '_> {
             stats.fragmentation = heap.fragmentation;
             stats.roulette_paths = u64::from(seen.roulette.ended_paths);
             stats.roulette_shadow_rays = u64::from(seen.roulette.ended_shadows);
-            stats.roulette_loads_saved = self.stragglers.as_ref().map_or(0, Stragglers::loads_saved);
+            stats.roulette_loads_saved = self.stragglers.as_ref().map_or(0, StragglerRoulette::loads_saved);
             stats.seconds_tracing = self.clock.tracing;
             stats.seconds_loading = self.clock.loading;
             stats.seconds_waiting = self.clock.waiting;

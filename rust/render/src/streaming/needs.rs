@@ -3,7 +3,7 @@
 
 /// What of a scene decides how much memory there has to be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Needs {
+pub(crate) struct StreamingNeeds {
     pub(crate) levels: u32,
     pub(crate) chunks: u32,
     /// Chunks, then meshes.
@@ -30,7 +30,7 @@ pub(crate) struct Needs {
     pub(crate) visits: bool,
 }
 
-impl Needs {
+impl StreamingNeeds {
     /// The same with one unit of each kind, where there is none: buffers have some bytes.
     pub(super) fn at_least_one(self) -> Self {
         let [chunks, geometry, units] = [self.chunks, self.geometry, self.units].map(|count| count.max(1));

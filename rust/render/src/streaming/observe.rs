@@ -2,12 +2,12 @@
 //! What the host knows of the paths: the counters, segments and demand that a step left behind. Pure.
 
 use super::segments;
-use oocpt_abi::{Counters, Roulette, Segment, UnitDemand};
+use oocpt_abi::{PathSegment, RouletteStats, UnitDemand, WavefrontCounters};
 use oocpt_core::residency::UnitId;
 
 /// How many there are of what a step leaves behind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Extents {
+pub(crate) struct StepExtents {
     /// Segments.
     pub(crate) segments: usize,
     /// Most entries of the list of demand.
@@ -18,7 +18,7 @@ pub(crate) struct Extents {
     pub(crate) visited: usize,
 }
 
-impl Extents {
+impl StepExtents {
     /// Bytes of the counts and the list of demand.
     pub(crate) fn demand_bytes(listed: usize) -> usize {
         2 * size_of::<u32>() + listed * size_of::<UnitDemand>()
@@ -27,12 +27,12 @@ impl Extents {
 
 /// See the module. What a step leaves replaces what is there; that costs what was asked for, not the scene.
 #[derive(Debug, Default)]
-pub(crate) struct Observation {
+pub(crate) struct StepObservation {
     /// The step that left it; 0 = none yet.
     pub(crate) step: u64,
-    pub(crate) counters: Counters,
+    pub(crate) counters: WavefrontCounters,
     /// By segment.
-    pub(crate) segments: Vec<Segment>,
+    pub(crate) segments: Vec<PathSegment>,
     /// Rays that wait for each unit first.
     pub(crate) waiting: Vec<u32>,
     /// Rays that have each unit further down their list.
@@ -44,34 +44,36 @@ pub(crate) struct Observation {
     /// Rays that entered each chunk and mesh since the stage began, modulo 2^32; empty when nobody counts.
     pub(crate) visited: Vec<u32>,
     /// With roulette on loads: what it knows and counts.
-    pub(crate) roulette: Roulette,
+    pub(crate) roulette: RouletteStats,
     /// With it: what the rays that wait for each chunk and mesh first may bring, in `1 / WORTH_ONE`; empty when nobody
     /// looked.
     pub(crate) worth: Vec<u32>,
 }
 
-impl Observation {
+impl StepObservation {
     /// Whether all paths of a segment are known to be dead; `begun`: the step of each segment's beginning.
-    pub(crate) fn is_finished(&self, begun: &[u64], segment: &segments::Segment) -> bool {
+    pub(crate) fn is_finished(&self, begun: &[u64], segment: &segments::LiveSegment) -> bool {
         let since = begun.get(segment.index as usize).copied().unwrap_or(u64::MAX);
         since <= self.step && self.alive(segment.index) == Some(0)
     }
 
     /// Reads what [`super::StreamBuffers::copy_out`] wrote.
-    pub(crate) fn read(&mut self, step: u64, bytes: &[u8], extents: Extents) {
-        let (counters, rest) = bytes.split_at(size_of::<Counters>());
-        let (table, rest) = rest.split_at(extents.segments * size_of::<Segment>());
-        let (demand, rest) = rest.split_at(Extents::demand_bytes(extents.listed));
+    pub(crate) fn read(&mut self, step: u64, bytes: &[u8], extents: StepExtents) {
+        let (counters, rest) = bytes.split_at(size_of::<WavefrontCounters>());
+        let (table, rest) = rest.split_at(extents.segments * size_of::<PathSegment>());
+        let (demand, rest) = rest.split_at(StepExtents::demand_bytes(extents.listed));
         let (visited, played) = rest.split_at(4 * extents.visited);
-        let (roulette, worth) = played.split_at(size_of::<Roulette>().min(played.len()));
+        let (roulette, worth) = played.split_at(size_of::<RouletteStats>().min(played.len()));
         self.step = step;
         self.counters = bytemuck::pod_read_unaligned(counters);
         self.segments.clear();
-        self.segments.extend(table.chunks_exact(size_of::<Segment>()).map(bytemuck::pod_read_unaligned::<Segment>));
+        self.segments
+            .extend(table.chunks_exact(size_of::<PathSegment>()).map(bytemuck::pod_read_unaligned::<PathSegment>));
         self.read_demand(demand, extents.units);
         self.visited.clear();
         self.visited.extend(visited.chunks_exact(4).map(bytemuck::pod_read_unaligned::<u32>));
-        self.roulette = if roulette.is_empty() { Roulette::default() } else { bytemuck::pod_read_unaligned(roulette) };
+        self.roulette =
+            if roulette.is_empty() { RouletteStats::default() } else { bytemuck::pod_read_unaligned(roulette) };
         self.worth.clear();
         self.worth.extend(worth.chunks_exact(4).map(bytemuck::pod_read_unaligned::<u32>));
     }
@@ -126,13 +128,14 @@ impl Observation {
 mod tests {
     use super::*;
 
-    const EXTENTS: Extents = Extents { segments: 2, listed: 3, units: 9, visited: 0 };
+    const EXTENTS: StepExtents = StepExtents { segments: 2, listed: 3, units: 9, visited: 0 };
 
     fn bytes(list: &[[u32; 4]], count: u32) -> Vec<u8> {
-        let mut counters = Counters { shadow_count: 7, deferred_parity: 1, ..Counters::default() };
+        let mut counters = WavefrontCounters { shadow_count: 7, deferred_parity: 1, ..WavefrontCounters::default() };
         counters.ray_count = [5, 0];
         counters.deferred_count = [1, 9];
-        let segments = [Segment { alive: 3, ..Segment::default() }, Segment { alive: 4, ..Segment::default() }];
+        let segments =
+            [PathSegment { alive: 3, ..PathSegment::default() }, PathSegment { alive: 4, ..PathSegment::default() }];
         let mut entries = [[0xdddd_dddd_u32; 4]; 3];
         entries[..list.len()].copy_from_slice(list);
         let list = [bytemuck::bytes_of(&[99, count]), bytemuck::cast_slice(&entries)].concat();
@@ -141,14 +144,14 @@ mod tests {
 
     #[test]
     fn feedback_sections_are_read_from_their_offsets() {
-        let mut seen = Observation::default();
+        let mut seen = StepObservation::default();
         seen.read(3, &bytes(&[[6, 10, 20, 3], [2, 0, 21, 0]], 2), EXTENTS);
         assert!(seen.worth.is_empty(), "nobody plays");
         assert_eq!((seen.step, seen.active(), seen.waiting(), seen.paths_alive()), (3, 12, 9, 7), "counters, segments");
         assert_eq!(seen.waiting, [0, 0, 0, 0, 0, 0, 10, 0, 0], "waiting");
         assert_eq!((&*seen.next, &*seen.asked), (&[0, 0, 21, 0, 0, 0, 20, 0, 0][..], &[2, 6][..]), "next");
         assert_eq!(seen.partners, [0, 0, 0, 0, 0, 0, 3, 0, 0], "partners");
-        let known = Roulette { mean: 0.5, ended_paths: 6, ..Roulette::default() };
+        let known = RouletteStats { mean: 0.5, ended_paths: 6, ..RouletteStats::default() };
         let played = [&*bytes(&[], 0), bytemuck::bytes_of(&known), bytemuck::cast_slice(&[30_u32, 31])].concat();
         seen.read(4, &played, EXTENTS);
         assert_eq!((seen.worth, seen.roulette), (vec![30, 31], known), "what is behind the demand");
@@ -156,7 +159,7 @@ mod tests {
 
     #[test]
     fn demand_comes_from_the_last_step_only() {
-        let mut seen = Observation::default();
+        let mut seen = StepObservation::default();
         seen.read(1, &bytes(&[[6, 10, 20, 9], [2, 1, 0, 0], [8, 1, 1, 0]], 3), EXTENTS);
         seen.read(2, &bytes(&[[2, 0, 4, 0]], 1), EXTENTS);
         assert_eq!((&*seen.waiting, &*seen.asked), (&[0; 9][..], &[2][..]), "the others ask no more");
@@ -165,7 +168,7 @@ mod tests {
 
     #[test]
     fn out_of_range_feedback_is_ignored() {
-        let mut seen = Observation::default();
+        let mut seen = StepObservation::default();
         seen.read(1, &bytes(&[[0, 1, 2, 0], [9, 3, 3, 0], [5, 1, 0, 77]], 4_000_000_000), EXTENTS);
         assert_eq!(seen.asked, [0, 5], "unit 9 of 9 is none, a fourth entry was not kept");
     }

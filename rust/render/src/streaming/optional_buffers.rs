@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Memory of a streaming render that only some scenes need: for textures, for roulette on loads.
 
-use super::needs::Needs;
-use oocpt_abi::{CUTOUT_LOOKUPS, Question, Roulette, WORTH_SUMS};
-use oocpt_core::inventory::Inventory;
-use oocpt_gpu::{Buffer, Gpu, GpuError, Usage};
+use super::needs::StreamingNeeds;
+use oocpt_abi::{CUTOUT_LOOKUPS, DeferredAlphaTest, RouletteStats, WORTH_SUMS};
+use oocpt_core::inventory::RenderInventory;
+use oocpt_gpu::{Buffer, BufferUsage, Gpu, GpuError};
 use std::sync::Arc;
 
 /// Bytes of the value of a lookup.
@@ -34,16 +34,19 @@ impl RouletteBuffers {
     pub(super) fn new(gpu: &Arc<Gpu>, units: u32) -> Result<Self, GpuError> {
         let table = |name: &str, usage| Buffer::new(gpu, name, 4 * u64::from(units), usage);
         Ok(Self {
-            block: Buffer::new(gpu, "roulette", size_of::<Roulette>() as u64, Usage::Device)?,
-            worth: table("worth", Usage::Device)?,
-            worth_sums: Buffer::new(gpu, "worth sums", 4 * u64::from(WORTH_SUMS), Usage::Device)?,
-            verdicts: [table("verdicts 0", Usage::Upload)?, table("verdicts 1", Usage::Upload)?],
+            block: Buffer::new(gpu, "roulette", size_of::<RouletteStats>() as u64, BufferUsage::Device)?,
+            worth: table("worth", BufferUsage::Device)?,
+            worth_sums: Buffer::new(gpu, "worth sums", 4 * u64::from(WORTH_SUMS), BufferUsage::Device)?,
+            verdicts: [table("verdicts 0", BufferUsage::Upload)?, table("verdicts 1", BufferUsage::Upload)?],
         })
     }
 }
 
 impl TextureBuffers {
-    pub(super) fn new(needs: Needs, slots: impl Fn(&str, usize) -> Result<Buffer, GpuError>) -> Result<Self, GpuError> {
+    pub(super) fn new(
+        needs: StreamingNeeds,
+        slots: impl Fn(&str, usize) -> Result<Buffer, GpuError>,
+    ) -> Result<Self, GpuError> {
         let bytes = question_bytes(needs);
         let questions = || Ok([slots("questions", bytes)?, slots("shadow_questions", bytes)?]);
         Ok(Self {
@@ -56,17 +59,17 @@ impl TextureBuffers {
 }
 
 /// Lists the questions of cutouts, or what is left out of them.
-pub(super) fn list_questions(questions: Option<&[Buffer; 2]>, capacity: u64, inventory: &mut Inventory) {
+pub(super) fn list_questions(questions: Option<&[Buffer; 2]>, capacity: u64, inventory: &mut RenderInventory) {
     for (at, name) in ["questions", "shadow_questions"].into_iter().enumerate() {
         match questions {
             Some(questions) => inventory.add(name, questions[at].size()),
-            None => inventory.leave_out(name, capacity * size_of::<Question>() as u64),
+            None => inventory.leave_out(name, capacity * size_of::<DeferredAlphaTest>() as u64),
         }
     }
 }
 
 /// Bytes of a question, with what programs keep behind all of them.
-pub(super) fn question_bytes(needs: Needs) -> usize {
+pub(super) fn question_bytes(needs: StreamingNeeds) -> usize {
     let kept = if needs.cutout_programs { LOOKUP_BYTES * (CUTOUT_LOOKUPS as usize - 1) } else { 0 };
-    size_of::<Question>() + kept
+    size_of::<DeferredAlphaTest>() + kept
 }

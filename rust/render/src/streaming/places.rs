@@ -5,7 +5,7 @@
 //! places there are, the longer new paths can begin all the same. A place is written once and read once, so it may lie
 //! across the bus: decisions/0002. Render thread only.
 
-use oocpt_gpu::{Buffer, Gpu, GpuError, Usage};
+use oocpt_gpu::{Buffer, BufferUsage, Gpu, GpuError};
 use std::sync::Arc;
 
 /// Segments as large as all slots together.
@@ -20,7 +20,7 @@ const PLACE_BYTES: u64 = 16;
 
 /// What bounds the places.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Bounds {
+pub(super) struct PlaceBounds {
     /// Paths of the render.
     pub(super) total: u64,
     /// Bytes of host memory; on unified devices it does not count.
@@ -29,27 +29,27 @@ pub(super) struct Bounds {
 
 /// See the module.
 #[derive(Debug)]
-pub(crate) struct Places {
+pub(crate) struct RadiancePlaces {
     pub(super) segment_count: u32,
     pub(super) segment_size: u32,
     /// f32x4 by place.
     pub(super) radiance: Buffer,
 }
 
-impl Places {
+impl RadiancePlaces {
     /// Places for `capacity` slots (a power of two); fewer where memory is short.
-    pub(super) fn new(gpu: &Arc<Gpu>, capacity: u32, bounds: Bounds) -> Result<Self, GpuError> {
-        Self::in_memory(gpu, if gpu.is_unified() { Usage::Device } else { Usage::Shared }, capacity, bounds)
+    pub(super) fn new(gpu: &Arc<Gpu>, capacity: u32, bounds: PlaceBounds) -> Result<Self, GpuError> {
+        Self::in_memory(gpu, if gpu.is_unified() { BufferUsage::Device } else { BufferUsage::Shared }, capacity, bounds)
     }
 
-    fn in_memory(gpu: &Arc<Gpu>, usage: Usage, capacity: u32, bounds: Bounds) -> Result<Self, GpuError> {
+    fn in_memory(gpu: &Arc<Gpu>, usage: BufferUsage, capacity: u32, bounds: PlaceBounds) -> Result<Self, GpuError> {
         let segment_size = (capacity / SEGMENTS_PER_FILL).max(1);
         let mut per_slot = per_slot(capacity, bounds, usage, gpu.limits().max_allocation_bytes);
         loop {
             let segment_count = capacity / segment_size * per_slot;
             let bytes = u64::from(segment_count) * u64::from(segment_size) * PLACE_BYTES;
             match Buffer::new(gpu, "ended_radiance", bytes, usage) {
-                Err(GpuError::OutOfMemory { .. }) if per_slot > 1 && usage != Usage::Device => per_slot /= 2,
+                Err(GpuError::OutOfMemory { .. }) if per_slot > 1 && usage != BufferUsage::Device => per_slot /= 2,
                 radiance => return Ok(Self { segment_count, segment_size, radiance: radiance? }),
             }
         }
@@ -63,11 +63,11 @@ pub(super) fn device_bytes(gpu: &Gpu) -> u64 {
 
 /// Places for each of `capacity` slots: no more than the render has paths, than the driver gives in one piece, nor than
 /// there is host memory.
-fn per_slot(capacity: u32, bounds: Bounds, usage: Usage, max_allocation_bytes: u64) -> u32 {
+fn per_slot(capacity: u32, bounds: PlaceBounds, usage: BufferUsage, max_allocation_bytes: u64) -> u32 {
     let slots = u64::from(capacity).max(1);
     let (most, bytes) = match usage {
-        Usage::Device => (u64::from(PER_SLOT), max_allocation_bytes),
-        Usage::Upload | Usage::Readback | Usage::Shared => {
+        BufferUsage::Device => (u64::from(PER_SLOT), max_allocation_bytes),
+        BufferUsage::Upload | BufferUsage::Readback | BufferUsage::Shared => {
             let enough = (ENOUGH / slots).clamp(u64::from(PER_SLOT), u64::from(PER_SLOT_HOST));
             (enough, max_allocation_bytes.min(bounds.host_bytes))
         }
@@ -79,14 +79,15 @@ fn per_slot(capacity: u32, bounds: Bounds, usage: Usage, max_allocation_bytes: u
 #[cfg(test)]
 mod tests {
     use super::*;
-    use oocpt_gpu::{Call, Failure, OpenOptions};
+    use oocpt_gpu::{DriverCall, OpenOptions, PlantedFailure};
 
     const NVIDIA: u64 = 4_292_870_144; // what an H200's driver gives in one piece
-    const MANY: Bounds = Bounds { total: 1 << 40, host_bytes: 1 << 40 };
+    const MANY: PlaceBounds = PlaceBounds { total: 1 << 40, host_bytes: 1 << 40 };
 
     #[test]
     fn deferred_places_are_bounded_by_paths_and_driver_limits() {
-        let on_device = |capacity, total| per_slot(capacity, Bounds { total, ..MANY }, Usage::Device, NVIDIA);
+        let on_device =
+            |capacity, total| per_slot(capacity, PlaceBounds { total, ..MANY }, BufferUsage::Device, NVIDIA);
         assert_eq!(on_device(1 << 22, 1 << 40), 8, "eight for each slot when there is room");
         assert_eq!(on_device(1 << 25, 1 << 40), 7, "one piece of memory");
         assert_eq!(on_device(1 << 25, 28_114_944), 1, "a place for each path is enough");
@@ -95,13 +96,13 @@ mod tests {
 
     #[test]
     fn more_deferred_places_fit_in_host_memory() {
-        let on_host = |capacity, bounds| per_slot(capacity, bounds, Usage::Readback, NVIDIA);
+        let on_host = |capacity, bounds| per_slot(capacity, bounds, BufferUsage::Readback, NVIDIA);
         assert_eq!(on_host(1 << 19, MANY), 64, "many");
         assert_eq!(on_host(1 << 22, MANY), 16, "2^26");
         assert_eq!(on_host(1 << 25, MANY), 7, "eight, but for the driver");
-        assert_eq!(on_host(1 << 19, Bounds { total: 28_114_944, ..MANY }), 54, "a place for each path is enough");
-        assert_eq!(on_host(1 << 19, Bounds { host_bytes: 96 << 20, ..MANY }), 12, "96 MiB");
-        assert_eq!(on_host(1 << 19, Bounds { host_bytes: 0, ..MANY }), 1, "at least one");
+        assert_eq!(on_host(1 << 19, PlaceBounds { total: 28_114_944, ..MANY }), 54, "a place for each path is enough");
+        assert_eq!(on_host(1 << 19, PlaceBounds { host_bytes: 96 << 20, ..MANY }), 12, "96 MiB");
+        assert_eq!(on_host(1 << 19, PlaceBounds { host_bytes: 0, ..MANY }), 1, "at least one");
     }
 
     #[test]
@@ -109,15 +110,19 @@ mod tests {
         let selector = std::env::var("OOCPT_TEST_DEVICE").ok();
         let gpu = Gpu::open(&OpenOptions { selector, ..OpenOptions::default() }).expect("a device");
         let made = |usage, times| {
-            gpu.plant_failure(Failure { call: Call::Buffer, after: if times == 0 { u64::MAX } else { 0 }, times });
-            let made = Places::in_memory(&gpu, usage, 1 << 10, MANY);
+            gpu.plant_failure(PlantedFailure {
+                call: DriverCall::Buffer,
+                after: if times == 0 { u64::MAX } else { 0 },
+                times,
+            });
+            let made = RadiancePlaces::in_memory(&gpu, usage, 1 << 10, MANY);
             // What was not struck is not to strike somebody else.
-            gpu.plant_failure(Failure { call: Call::Buffer, after: u64::MAX, times: 1 });
+            gpu.plant_failure(PlantedFailure { call: DriverCall::Buffer, after: u64::MAX, times: 1 });
             made.map(|places| (places.segment_count, places.radiance.size()))
         };
-        assert_eq!(made(Usage::Readback, 0).expect("memory"), (64 * 64, 64 << 14), "64 a slot");
-        assert_eq!(made(Usage::Readback, 2).expect("memory"), (64 * 16, 16 << 14), "halved twice");
-        made(Usage::Readback, 7).expect_err("not one a slot");
-        made(Usage::Device, 1).expect_err("paths in slots have to be fewer");
+        assert_eq!(made(BufferUsage::Readback, 0).expect("memory"), (64 * 64, 64 << 14), "64 a slot");
+        assert_eq!(made(BufferUsage::Readback, 2).expect("memory"), (64 * 16, 16 << 14), "halved twice");
+        made(BufferUsage::Readback, 7).expect_err("not one a slot");
+        made(BufferUsage::Device, 1).expect_err("paths in slots have to be fewer");
     }
 }

@@ -1,15 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Chunks, meshes and tiles that rays read in host memory, across the bus, while the device has no room for them: none
-//! waits for these. What is visited most comes to the device (`Planner`), what has to go is read in host memory again.
+//! waits for these. What is visited most comes to the device (`ResidencyPlanner`), what has to go is read in host
+//! memory again.
 //!
 //! A unit is reached when all assets of its closure lie in host memory. Pure bookkeeping.
 
-use oocpt_core::residency::{AssetId, Demand, UnitId};
+use oocpt_core::residency::{AssetId, RayDemand, UnitId};
 use rustc_hash::FxHashMap;
 
 /// Where a unit is on its way into host memory.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-enum State {
+enum MappingState {
     #[default]
     Absent,
     /// So many of its assets are not there yet.
@@ -20,7 +21,7 @@ enum State {
 /// See the module.
 #[derive(Debug, Default)]
 pub(super) struct MappedUnits {
-    states: Vec<State>,
+    states: Vec<MappingState>,
     /// Units that wait for an asset.
     dependents: FxHashMap<AssetId, Vec<UnitId>>,
     /// By unit, for the planner: whether it is there.
@@ -39,7 +40,7 @@ impl MappedUnits {
     /// Nothing is there of so many units, of which the first so many are chunks and meshes, whose visits are counted.
     pub(super) fn new(units: usize, geometry: usize) -> Self {
         Self {
-            states: vec![State::Absent; units],
+            states: vec![MappingState::Absent; units],
             mapped: vec![false; units],
             visits: vec![0; geometry],
             counted: vec![0; geometry],
@@ -59,7 +60,7 @@ impl MappedUnits {
 
     /// Whether it is neither there nor on its way.
     pub(super) fn is_absent(&self, unit: UnitId) -> bool {
-        self.states.get(unit as usize) == Some(&State::Absent)
+        self.states.get(unit as usize) == Some(&MappingState::Absent)
     }
 
     /// A unit is there as soon as these assets are.
@@ -67,13 +68,13 @@ impl MappedUnits {
         for &asset in missing {
             self.dependents.entry(asset).or_default().push(unit);
         }
-        self.set(unit, if missing.is_empty() { State::There } else { State::Coming(missing.len()) });
+        self.set(unit, if missing.is_empty() { MappingState::There } else { MappingState::Coming(missing.len()) });
     }
 
-    fn set(&mut self, unit: UnitId, state: State) {
+    fn set(&mut self, unit: UnitId, state: MappingState) {
         let at = unit as usize;
         if let (Some(known), Some(mapped)) = (self.states.get_mut(at), self.mapped.get_mut(at)) {
-            (*known, *mapped) = (state, state == State::There);
+            (*known, *mapped) = (state, state == MappingState::There);
         }
     }
 
@@ -81,9 +82,9 @@ impl MappedUnits {
     pub(super) fn arrived(&mut self, asset: AssetId) -> Vec<UnitId> {
         let mut there = Vec::new();
         for unit in self.dependents.remove(&asset).unwrap_or_default() {
-            let Some(State::Coming(missing)) = self.states.get(unit as usize).copied() else { continue };
+            let Some(MappingState::Coming(missing)) = self.states.get(unit as usize).copied() else { continue };
             let left = missing.saturating_sub(1);
-            self.set(unit, if left == 0 { State::There } else { State::Coming(left) });
+            self.set(unit, if left == 0 { MappingState::There } else { MappingState::Coming(left) });
             if left == 0 {
                 there.push(unit);
             }
@@ -100,7 +101,7 @@ impl MappedUnits {
     }
 
     /// What the planner is asked: nobody waits for what is there or on its way.
-    pub(super) fn demand<'a>(&'a mut self, demand: &Demand<'a>) -> Demand<'a> {
+    pub(super) fn demand<'a>(&'a mut self, demand: &RayDemand<'a>) -> RayDemand<'a> {
         for unit in self.asked.drain(..) {
             if let Some(rays) = self.waiting.get_mut(unit as usize) {
                 *rays = 0;
@@ -109,13 +110,13 @@ impl MappedUnits {
         self.waiting.resize(demand.waiting.len(), 0);
         for &unit in demand.asked.unwrap_or_default() {
             let at = unit as usize;
-            let comes = self.states.get(at).is_some_and(|state| *state != State::Absent);
+            let comes = self.states.get(at).is_some_and(|state| *state != MappingState::Absent);
             if let (false, Some(rays), Some(waiting)) = (comes, self.waiting.get_mut(at), demand.waiting.get(at)) {
                 *rays = *waiting;
                 self.asked.push(unit);
             }
         }
-        Demand {
+        RayDemand {
             waiting: &self.waiting,
             asked: Some(&self.asked),
             visits: &self.visits,
@@ -148,11 +149,11 @@ mod tests {
     fn units_in_flight_are_removed_from_demand() {
         let mut reach = MappedUnits::new(3, 3);
         reach.expect(1, &[5]);
-        let demand = Demand { waiting: &[1, 2, 3, 4], asked: Some(&[0, 1, 3]), active: 9, ..Demand::default() };
+        let demand = RayDemand { waiting: &[1, 2, 3, 4], asked: Some(&[0, 1, 3]), active: 9, ..RayDemand::default() };
         let asked = reach.demand(&demand);
         assert_eq!((asked.waiting, asked.asked, asked.active), (&[1, 0, 0, 4][..], Some(&[0, 3][..]), 9));
         let _ = reach.arrived(5);
-        let demand = Demand { waiting: &[0, 2, 3, 0], asked: Some(&[1, 2]), ..demand };
+        let demand = RayDemand { waiting: &[0, 2, 3, 0], asked: Some(&[1, 2]), ..demand };
         let asked = reach.demand(&demand);
         assert_eq!((asked.waiting, asked.mapped), (&[0, 0, 3, 0][..], &[false, true, false][..]), "of this step alone");
     }

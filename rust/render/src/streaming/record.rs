@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Records one step: table entries, finished segments into the film, new paths and woken rays, rounds, demand.
 
-use super::Streamer;
+use super::StreamingContext;
 use super::buffers::verdict_table;
-use super::segments::Segment;
+use super::segments::LiveSegment;
 use crate::error::RenderError;
 use crate::publish::Extent;
-use crate::wavefront::{Kind, Traced};
-use oocpt_abi::{PREPARE_DEMAND, Push, SCAN_BLOCKS, SCAN_SUMS};
-use oocpt_gpu::{Commands, Submission};
+use crate::wavefront::{PathKind, TracedRays};
+use oocpt_abi::{PREPARE_DEMAND, PushConstants, SCAN_BLOCKS, SCAN_SUMS};
+use oocpt_gpu::{CommandList, Submission};
 use oocpt_shaders::Pass;
 
 /// What a step is to do.
@@ -19,9 +19,9 @@ pub(super) struct StepPlan {
     /// Rounds to trace.
     pub(super) rounds: u32,
     /// Segments that are done and go into the film, oldest first.
-    pub(super) finished: Vec<Segment>,
+    pub(super) finished: Vec<LiveSegment>,
     /// Segments that begin.
-    pub(super) started: Vec<Segment>,
+    pub(super) started: Vec<LiveSegment>,
     /// Whether rays may be waiting.
     pub(super) wakes: bool,
     /// Whether there are verdicts for rays that wait (roulette on loads).
@@ -32,19 +32,19 @@ pub(super) struct StepPlan {
     pub(super) publishes: Option<Extent>,
 }
 
-impl Streamer<'_, '_> {
+impl StreamingContext<'_, '_> {
     /// The push constants of passes over a segment: `arg0` is its first place.
-    fn push_of(&self, kind: Kind, segment: &Segment, round: u32) -> Push {
+    fn push_of(&self, kind: PathKind, segment: &LiveSegment, round: u32) -> PushConstants {
         let push = self.tracer.recorder().push_of(kind, segment.wave);
         push.with(round, segment.index * self.buffers.ended.segment_size)
     }
 
     /// Forgets the samples and paths of the frame or stage before.
-    pub(super) fn clear(&self, kind: Kind) -> Result<(), RenderError> {
+    pub(super) fn clear(&self, kind: PathKind) -> Result<(), RenderError> {
         let mut commands = self.tracer.commands("clear")?;
         self.buffers.clear(&mut commands);
-        if kind == Kind::Samples {
-            self.tracer.setting.film.clear(&mut commands);
+        if kind == PathKind::Samples {
+            self.tracer.context.film.clear(&mut commands);
         }
         commands.submit()?;
         Ok(())
@@ -53,7 +53,7 @@ impl Streamer<'_, '_> {
     /// Records and submits a step; gives the octaves of samples that it completes.
     pub(super) fn step(
         &mut self,
-        kind: Kind,
+        kind: PathKind,
         number: u64,
         plan: &StepPlan,
     ) -> Result<(Submission, Vec<u32>), RenderError> {
@@ -62,7 +62,7 @@ impl Streamer<'_, '_> {
         let recorder = self.tracer.recorder();
         let q = recorder.push(kind);
         let mut octaves = Vec::new();
-        if kind == Kind::Samples {
+        if kind == PathKind::Samples {
             for segment in &plan.finished {
                 let push = self.push_of(kind, segment, 0);
                 octaves.extend(recorder.accumulate(&mut commands, push, segment.wave));
@@ -72,7 +72,7 @@ impl Streamer<'_, '_> {
             recorder.indirect(&mut commands, Pass::RoulettePlay, q.with(plan.round, verdict_table(number)));
         }
         self.begin(&mut commands, kind, plan);
-        let traced = if kind == Kind::Samples { Traced::All } else { Traced::Closest };
+        let traced = if kind == PathKind::Samples { TracedRays::All } else { TracedRays::Closest };
         let mut round = plan.round;
         for _ in 0..plan.rounds {
             recorder.trace(&mut commands, q, round, traced);
@@ -83,7 +83,7 @@ impl Streamer<'_, '_> {
         self.buffers.clear_demand(&mut commands);
         commands.concurrent(|c| {
             recorder.indirect(c, Pass::CountDemand, q.with(round, 0));
-            if kind == Kind::Samples {
+            if kind == PathKind::Samples {
                 recorder.indirect(c, Pass::RetirePaths, q.with(round, 0));
             }
         });
@@ -102,7 +102,7 @@ impl Streamer<'_, '_> {
     }
 
     /// Starts new paths, and wakes the rays whose chunk is there, sorted by chunk.
-    fn begin(&self, commands: &mut Commands, kind: Kind, plan: &StepPlan) {
+    fn begin(&self, commands: &mut CommandList, kind: PathKind, plan: &StepPlan) {
         let recorder = self.tracer.recorder();
         let q = recorder.push(kind).with(plan.round, 0);
         if plan.wakes {

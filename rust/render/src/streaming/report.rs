@@ -1,26 +1,26 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Writes what `oocpt report chunks` draws: chunks, loads, rays, and how the paths ran out.
 
-use super::Streamer;
+use super::StreamingContext;
 use crate::chunk_report::{ChunkReport, ReportCamera, ReportChunk, ReportInstance, ReportMoment, VERSION};
 use crate::error::RenderError;
 use crate::timings::LeftMoment;
 use oocpt_core::residency::UnitId;
 use std::path::Path;
 
-impl Streamer<'_, '_> {
+impl StreamingContext<'_, '_> {
     /// Writes the report if `oocpt:chunkReport` names a file.
     pub(super) fn write_report(&self) -> Result<(), RenderError> {
-        let file = self.tracer.setting.job.settings.chunk_report.as_str();
+        let file = self.tracer.context.job.settings.chunk_report.as_str();
         if file.is_empty() {
             return Ok(());
         }
-        let rays = self.buffers.unit_rays(&self.tracer.setting.device.gpu)?;
+        let rays = self.buffers.unit_rays(&self.tracer.context.device.gpu)?;
         self.chunk_report(&rays).write(Path::new(file)).map_err(|error| RenderError::Report(error.to_string()))
     }
 
     fn chunk_report(&self, rays: &[u32]) -> ChunkReport {
-        let (job, camera) = (self.tracer.setting.job, self.tracer.setting.rays);
+        let (job, camera) = (self.tracer.context.job, self.tracer.context.rays);
         let (world, planner) = (&job.snapshot.world, &self.residency.planner);
         let wide = |v: [f32; 3]| v.map(f64::from);
         let o = [0, 1, 2].map(|k: usize| f64::from(camera.o[k]) + f64::from(camera.o_lo[k]));

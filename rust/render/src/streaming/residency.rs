@@ -7,13 +7,13 @@
 //! Render thread only.
 
 use super::reach::MappedUnits;
-use crate::assets::{Entries, HostHeapFiller, Patience, SceneAssets, Store, Tables};
+use crate::assets::{AssetStore, HostHeapFiller, MemoryWait, SceneAssets, SceneTables, TableEntries};
 use crate::device::Device;
 use crate::error::RenderError;
 use oocpt_core::residency::{
-    AssetId, Command, Demand, PlanError, Planner, PlannerOptions, PolicyKind, Proposal, UnitId,
+    AssetId, LoadProposal, PlanError, PlannerOptions, PolicyKind, RayDemand, ResidencyCommand, ResidencyPlanner, UnitId,
 };
-use oocpt_gpu::{Commands, Submission};
+use oocpt_gpu::{CommandList, Submission};
 use rustc_hash::{FxHashMap, FxHashSet};
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -26,7 +26,7 @@ const MOST_IN_FLIGHT: u64 = 2 << 30;
 
 /// A load that the planner asked for.
 #[derive(Debug)]
-struct Load {
+struct PlannedLoad {
     unit: UnitId,
     /// Assets that have no memory yet.
     unplaced: VecDeque<AssetId>,
@@ -36,17 +36,17 @@ struct Load {
 
 /// See the module.
 #[derive(Debug)]
-pub(crate) struct Residency<'a> {
+pub(crate) struct SceneResidency<'a> {
     pub(super) device: &'a Device,
     pub(super) assets: Arc<SceneAssets>,
-    pub(super) store: &'a mut Store,
-    entries: Entries,
-    tables: &'a Tables,
-    pub(crate) planner: Planner,
+    pub(super) store: &'a mut AssetStore,
+    entries: TableEntries,
+    tables: &'a SceneTables,
+    pub(crate) planner: ResidencyPlanner,
     /// Bytes for geometry and tiles; the planner may have less, to leave room for tiles.
     pub(super) budget: u64,
     /// Loads that wait for memory, in the planner's order.
-    waiting: VecDeque<Load>,
+    waiting: VecDeque<PlannedLoad>,
     /// Assets not ready yet of every unit on its way, and the units that wait for each of these.
     missing: FxHashMap<UnitId, usize>,
     dependents: FxHashMap<AssetId, Vec<UnitId>>,
@@ -81,33 +81,33 @@ pub(crate) struct TileStats {
 }
 
 /// What a residency starts from.
-pub(crate) struct Start<'a> {
+pub(crate) struct ResidencyStart<'a> {
     pub(crate) device: &'a Device,
     pub(crate) assets: &'a Arc<SceneAssets>,
-    pub(crate) store: &'a mut Store,
-    pub(crate) tables: &'a Tables,
+    pub(crate) store: &'a mut AssetStore,
+    pub(crate) tables: &'a SceneTables,
     pub(crate) budget: u64,
     pub(crate) policy: PolicyKind,
     /// Makes the memory in which rays may read chunks; none where they may not.
     pub(crate) filler: Option<HostHeapFiller>,
 }
 
-impl<'a> Residency<'a> {
+impl<'a> SceneResidency<'a> {
     /// Takes over what the store still holds of earlier frames, as far as it fits `budget`; frees the rest.
-    pub(crate) fn new(start: Start<'a>) -> Result<Self, RenderError> {
-        let Start { device, assets, store, tables, budget, policy, filler } = start;
+    pub(crate) fn new(start: ResidencyStart<'a>) -> Result<Self, RenderError> {
+        let ResidencyStart { device, assets, store, tables, budget, policy, filler } = start;
         let options = PlannerOptions {
             in_flight_bytes: (budget / IN_FLIGHT_SHARE).min(MOST_IN_FLIGHT),
             pin_steps: 3,
             first_tile: Some(assets.tile_unit(0)),
         };
-        let planner = Planner::with_policy(Arc::clone(&assets.catalog), budget, policy.policy(), options)
+        let planner = ResidencyPlanner::with_policy(Arc::clone(&assets.catalog), budget, policy.policy(), options)
             .map_err(|error| plan_error(assets, &error))?;
         let mut residency = Self {
             device,
             assets: Arc::clone(assets),
             store,
-            entries: Entries::new(assets),
+            entries: TableEntries::new(assets),
             tables,
             planner,
             budget,
@@ -183,8 +183,8 @@ impl<'a> Residency<'a> {
     /// `agrees` agrees.
     pub(crate) fn plan(
         &mut self,
-        demand: &Demand<'_>,
-        agrees: &mut dyn FnMut(&Proposal) -> bool,
+        demand: &RayDemand<'_>,
+        agrees: &mut dyn FnMut(&LoadProposal) -> bool,
     ) -> Result<(), RenderError> {
         let mut demand = *demand;
         if self.stays {
@@ -198,8 +198,8 @@ impl<'a> Residency<'a> {
         };
         for command in commands {
             match command {
-                Command::Evict { unit, assets } => self.evict(unit, &assets),
-                Command::Load { unit, assets } => self.begin(unit, assets),
+                ResidencyCommand::Evict { unit, assets } => self.evict(unit, &assets),
+                ResidencyCommand::Load { unit, assets } => self.begin(unit, assets),
             }
         }
         self.place_waiting()
@@ -248,7 +248,7 @@ impl<'a> Residency<'a> {
             }
         }
         self.missing.insert(unit, missing);
-        self.waiting.push_back(Load { unit, unplaced: assets.into(), begun: Vec::new() });
+        self.waiting.push_back(PlannedLoad { unit, unplaced: assets.into(), begun: Vec::new() });
     }
 
     /// Gives memory to the loads that wait for it, in order, as far as there is any, and has the loader begin.
@@ -285,19 +285,19 @@ impl<'a> Residency<'a> {
     /// Starts to bring an asset; one that is too large for arenas, if need be in place of those that hold nothing.
     fn begins(&mut self, asset: AssetId) -> Result<bool, RenderError> {
         let Self { device, assets, store, .. } = self;
-        if store.begin(device, assets, asset, Patience::Now)? {
+        if store.begin(device, assets, asset, MemoryWait::Now)? {
             return Ok(true);
         }
         if assets.catalog.bytes(asset) <= device.heap.largest_shared() {
             return Ok(false);
         }
         device.heap.trim();
-        store.begin(device, assets, asset, Patience::Now)
+        store.begin(device, assets, asset, MemoryWait::Now)
     }
 
     /// There is no memory for a load although nothing is about to be freed: the planner must make room. The loads after
     /// it stay: given up as well, they would teach the planner that far less fits than does.
-    fn give_up(&mut self, load: Load) {
+    fn give_up(&mut self, load: PlannedLoad) {
         tracing::debug!(unit = load.unit, "no memory for a unit");
         self.missing.remove(&load.unit);
         for asset in load.begun {
@@ -374,7 +374,7 @@ impl<'a> Residency<'a> {
     }
 
     /// Records the table entries that have changed since the last step.
-    pub(crate) fn record(&mut self, commands: &mut Commands) {
+    pub(crate) fn record(&mut self, commands: &mut CommandList) {
         for copy in self.copies.drain(..) {
             commands.wait_for(&copy);
         }

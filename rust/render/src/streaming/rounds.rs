@@ -13,7 +13,7 @@ const MOST_BEFORE_MORE: u32 = 1;
 
 /// What became of a step.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Done {
+pub(super) struct StepResult {
     pub(super) rounds: u32,
     /// Rounds that had a ray to trace or a material to resolve.
     pub(super) busy: u32,
@@ -22,8 +22,8 @@ pub(super) struct Done {
 
 /// Rounds of the step after `planned`, which those under way have: more when steps are short and use all of theirs,
 /// fewer when they are long, and little by little fewer when the last ones of a step had nothing to trace.
-pub(super) fn next(planned: u32, done: Done) -> u32 {
-    let Done { rounds, busy, secs } = done;
+pub(super) fn next(planned: u32, done: StepResult) -> u32 {
+    let StepResult { rounds, busy, secs } = done;
     if secs > STEP_SECS {
         (rounds / 2).max(1)
     } else if busy < rounds {
@@ -56,7 +56,7 @@ mod tests {
     fn settled(busy: u32, secs: f64) -> Vec<u32> {
         let mut planned = 1;
         let steps = (0..100).map(|_| {
-            let done = Done { rounds: planned, busy: busy.min(planned), secs: secs * f64::from(planned) };
+            let done = StepResult { rounds: planned, busy: busy.min(planned), secs: secs * f64::from(planned) };
             planned = next(planned, done);
             planned
         });
@@ -75,14 +75,14 @@ mod tests {
         assert_eq!(settled(4, 1e-5), [5; 10], "one more than have rays: whether that is enough has to be seen");
         assert_eq!(settled(0, 1e-5), [1; 10], "nothing to trace");
         assert!(
-            next(16, Done { rounds: 16, busy: 0, secs: 1e-4 }) >= 12,
+            next(16, StepResult { rounds: 16, busy: 0, secs: 1e-4 }) >= 12,
             "not all at once: the next chunk may wake many"
         );
     }
 
     #[test]
     fn an_earlier_step_does_not_raise_a_lowered_round_count() {
-        assert_eq!(next(4, Done { rounds: 8, busy: 7, secs: 1e-4 }), 4, "two are under way");
-        assert_eq!(next(4, Done { rounds: 8, busy: 8, secs: 1e-4 }), 4, "likewise");
+        assert_eq!(next(4, StepResult { rounds: 8, busy: 7, secs: 1e-4 }), 4, "two are under way");
+        assert_eq!(next(4, StepResult { rounds: 8, busy: 8, secs: 1e-4 }), 4, "likewise");
     }
 }

@@ -16,7 +16,7 @@ use std::collections::VecDeque;
 
 /// A segment under way.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Segment {
+pub(crate) struct LiveSegment {
     /// Its number: places `index * size ..`.
     pub(crate) index: u32,
     /// Slots that were taken before it.
@@ -27,7 +27,7 @@ pub(crate) struct Segment {
 
 /// See the module.
 #[derive(Debug)]
-pub(crate) struct Segments {
+pub(crate) struct SegmentQueue {
     size: u32,
     /// Paths that may be in flight.
     slots: u64,
@@ -37,7 +37,7 @@ pub(crate) struct Segments {
     /// All have been in use, and not all are free again.
     draining: bool,
     /// Under way, oldest first.
-    alive: VecDeque<Segment>,
+    alive: VecDeque<LiveSegment>,
     next: u64,
     total: u64,
     /// Paths from here on may not begin yet.
@@ -46,7 +46,7 @@ pub(crate) struct Segments {
     cuts: Vec<u64>,
 }
 
-impl Segments {
+impl SegmentQueue {
     /// `count` segments of `size` places for `total` paths, of which `slots` may be in flight.
     pub(crate) fn new(count: u32, size: u32, slots: u32, total: u64) -> Self {
         let free: VecDeque<u32> = (0..count).collect();
@@ -57,7 +57,7 @@ impl Segments {
 
     /// Gives a free segment the next paths; none when there is no free segment, no path left, or no slot: `ended` paths
     /// have given theirs back so far.
-    pub(crate) fn start(&mut self, ended: u64) -> Option<Segment> {
+    pub(crate) fn start(&mut self, ended: u64) -> Option<LiveSegment> {
         if !self.can_start(ended) {
             return None;
         }
@@ -70,7 +70,7 @@ impl Segments {
             return None;
         }
         let index = self.free.pop_front()?;
-        let segment = Segment { index, first_slot: self.next, wave: Wave { first: self.next, count } };
+        let segment = LiveSegment { index, first_slot: self.next, wave: Wave { first: self.next, count } };
         self.draining = self.free.is_empty();
         self.next += u64::from(count);
         self.alive.push_back(segment);
@@ -78,7 +78,7 @@ impl Segments {
     }
 
     /// Takes the oldest segment when it is finished.
-    pub(crate) fn take_finished(&mut self, is_finished: impl Fn(&Segment) -> bool) -> Option<Segment> {
+    pub(crate) fn take_finished(&mut self, is_finished: impl Fn(&LiveSegment) -> bool) -> Option<LiveSegment> {
         let oldest = *self.alive.front()?;
         if !is_finished(&oldest) {
             return None;
@@ -115,13 +115,13 @@ impl Segments {
     }
 
     /// The oldest segment under way.
-    pub(crate) fn oldest(&self) -> Option<Segment> {
+    pub(crate) fn oldest(&self) -> Option<LiveSegment> {
         self.alive.front().copied()
     }
 
     /// Paths of the segments that were begun after `step`; `begun` tells the step of each segment.
     pub(crate) fn begun_after(&self, step: u64, begun: &[u64]) -> u64 {
-        let after = |segment: &&Segment| begun.get(segment.index as usize).is_some_and(|begun| *begun > step);
+        let after = |segment: &&LiveSegment| begun.get(segment.index as usize).is_some_and(|begun| *begun > step);
         self.alive.iter().filter(after).map(|segment| u64::from(segment.wave.count)).sum()
     }
 
@@ -146,7 +146,7 @@ mod tests {
 
     #[test]
     fn paths_come_back_in_order_and_once() {
-        let mut segments = Segments::new(3, 10, 30, 45);
+        let mut segments = SegmentQueue::new(3, 10, 30, 45);
         let begun: Vec<_> = std::iter::from_fn(|| segments.start(0)).collect();
         assert_eq!(begun.len(), 3, "as many as there are slots");
         assert!(segments.take_finished(|segment| segment.index != 0).is_none(), "the oldest has paths alive");
@@ -162,7 +162,7 @@ mod tests {
 
     #[test]
     fn a_full_set_of_segments_ends_before_the_next_begins() {
-        let mut segments = Segments::new(3, 10, 1000, 60);
+        let mut segments = SegmentQueue::new(3, 10, 1000, 60);
         for ended in [0, 0, 0] {
             assert!(segments.start(ended).is_some(), "free segments and slots");
         }
@@ -181,7 +181,7 @@ mod tests {
 
     #[test]
     fn segments_begin_only_when_enough_paths_have_ended() {
-        let mut segments = Segments::new(8, 10, 20, 100);
+        let mut segments = SegmentQueue::new(8, 10, 20, 100);
         assert!(segments.start(0).is_some() && segments.start(0).is_some(), "twenty slots");
         assert!(segments.start(9).is_none(), "one slot too few");
         assert_eq!(segments.start(10).map(|segment| segment.first_slot), Some(20), "the slots of ended paths");

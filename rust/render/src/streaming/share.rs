@@ -21,7 +21,7 @@ const LARGEST_UNITS_BESIDE_MAPPED: u64 = 2;
 
 /// What is to be shared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Room {
+pub(super) struct ShareRequest {
     /// Bytes for paths and units together.
     pub(super) bytes: u64,
     /// Of one path in flight.
@@ -39,7 +39,7 @@ pub(super) struct Room {
     pub(super) fewest: u64,
 }
 
-impl Room {
+impl ShareRequest {
     /// Slots for paths: a power of two, `fewest` where there is hardly room for anything.
     pub(super) fn slots(self) -> u64 {
         let Self { bytes, slot_bytes, largest_unit, units, cap, maps, wanted, fewest } = self;
@@ -79,7 +79,7 @@ mod tests {
         assert_eq!(beside_waves(0, 0, 98), 0);
     }
 
-    const ROOM: Room = Room {
+    const ROOM: ShareRequest = ShareRequest {
         bytes: 1 << 30,
         slot_bytes: 256,
         largest_unit: 16 << 20,
@@ -93,41 +93,49 @@ mod tests {
     #[test]
     fn paths_get_half_of_a_budget_too_small_for_all_units() {
         assert_eq!(ROOM.slots(), 1 << 21, "512 MiB");
-        assert_eq!(Room { bytes: (1 << 30) - 1, ..ROOM }.slots(), 1 << 20, "a power of two, never more than the share");
-        assert_eq!(Room { wanted: 1 << 16, ..ROOM }.slots(), 1 << 16, "no more than the render has");
+        assert_eq!(
+            ShareRequest { bytes: (1 << 30) - 1, ..ROOM }.slots(),
+            1 << 20,
+            "a power of two, never more than the share"
+        );
+        assert_eq!(ShareRequest { wanted: 1 << 16, ..ROOM }.slots(), 1 << 16, "no more than the render has");
     }
 
     #[test]
     fn paths_get_all_memory_that_units_leave() {
-        assert_eq!(Room { units: 1 << 28, ..ROOM }.slots(), 1 << 21, "768 MiB beside them");
-        assert_eq!(Room { units: 0, ..ROOM }.slots(), 1 << 22, "no unit");
+        assert_eq!(ShareRequest { units: 1 << 28, ..ROOM }.slots(), 1 << 21, "768 MiB beside them");
+        assert_eq!(ShareRequest { units: 0, ..ROOM }.slots(), 1 << 22, "no unit");
     }
 
     #[test]
     fn a_nearly_fitting_scene_still_fills_the_device_with_paths() {
-        let large = Room { bytes: 16 << 30, slot_bytes: 256, ..ROOM };
-        assert_eq!(Room { units: 64 << 30, ..large }.slots(), 1 << 25, "half of the room");
-        assert_eq!(Room { units: 17 << 30, ..large }.slots(), 1 << 23, "a gigabyte is missing");
-        assert_eq!(Room { units: 16 << 30, ..large }.slots(), 1 << 22, "nothing is");
-        assert_eq!(Room { units: 1 << 30, ..large }.slots(), 1 << 22, "all have room");
-        assert_eq!(Room { units: 64 << 30, cap: 1 << 30, ..large }.slots(), 1 << 25, "what is capped is missing");
-        assert_eq!(Room { units: 1 << 30, cap: 1 << 28, ..large }.slots(), 1 << 22, "768 MiB are");
+        let large = ShareRequest { bytes: 16 << 30, slot_bytes: 256, ..ROOM };
+        assert_eq!(ShareRequest { units: 64 << 30, ..large }.slots(), 1 << 25, "half of the room");
+        assert_eq!(ShareRequest { units: 17 << 30, ..large }.slots(), 1 << 23, "a gigabyte is missing");
+        assert_eq!(ShareRequest { units: 16 << 30, ..large }.slots(), 1 << 22, "nothing is");
+        assert_eq!(ShareRequest { units: 1 << 30, ..large }.slots(), 1 << 22, "all have room");
+        assert_eq!(
+            ShareRequest { units: 64 << 30, cap: 1 << 30, ..large }.slots(),
+            1 << 25,
+            "what is capped is missing"
+        );
+        assert_eq!(ShareRequest { units: 1 << 30, cap: 1 << 28, ..large }.slots(), 1 << 22, "768 MiB are");
     }
 
     #[test]
     fn room_for_the_largest_units_is_reserved() {
-        assert_eq!(Room { largest_unit: 192 << 20, ..ROOM }.slots(), 1 << 20, "256 MiB beside four of them");
-        assert_eq!(Room { largest_unit: 400 << 20, ..ROOM }.slots(), 1 << 12, "the fewest");
-        let mapped = Room { largest_unit: 400 << 20, maps: true, ..ROOM };
+        assert_eq!(ShareRequest { largest_unit: 192 << 20, ..ROOM }.slots(), 1 << 20, "256 MiB beside four of them");
+        assert_eq!(ShareRequest { largest_unit: 400 << 20, ..ROOM }.slots(), 1 << 12, "the fewest");
+        let mapped = ShareRequest { largest_unit: 400 << 20, maps: true, ..ROOM };
         assert_eq!(mapped.slots(), 1 << 19, "224 MiB beside two of them");
-        assert_eq!(Room { largest_unit: 1 << 30, ..mapped }.slots(), 1 << 12, "the fewest");
-        assert_eq!(Room { bytes: 0, ..ROOM }.slots(), 1 << 12, "allocating tells");
-        assert_eq!(Room { wanted: 0, fewest: 1, ..ROOM }.slots(), 1, "a render of nothing");
+        assert_eq!(ShareRequest { largest_unit: 1 << 30, ..mapped }.slots(), 1 << 12, "the fewest");
+        assert_eq!(ShareRequest { bytes: 0, ..ROOM }.slots(), 1 << 12, "allocating tells");
+        assert_eq!(ShareRequest { wanted: 0, fewest: 1, ..ROOM }.slots(), 1, "a render of nothing");
     }
 
     #[test]
     fn more_memory_never_means_fewer_paths() {
-        let sizes = (1..4000_u64).map(|at| Room { bytes: at << 20, ..ROOM });
+        let sizes = (1..4000_u64).map(|at| ShareRequest { bytes: at << 20, ..ROOM });
         for (less, more) in sizes.clone().zip(sizes.skip(1)) {
             assert!(less.slots() <= more.slots(), "{} bytes", less.bytes);
             assert!(less.slots() * less.slot_bytes <= less.bytes.max(1 << 20), "{} bytes", less.bytes);

@@ -5,27 +5,27 @@
 //! When the device has nothing to trace, the stage waits for the loader, however long that takes; when there is nothing
 //! to wait for either and paths are left, that is a defect and reported as one.
 
-use super::Streamer;
-use super::clock::Activity;
+use super::StreamingContext;
+use super::clock::StageActivity;
 use super::leave::LeaveDecision;
-use super::observe::Observation;
+use super::observe::StepObservation;
 use super::record::StepPlan;
-use super::rounds::{self, Done};
-use super::segments::Segments;
-use super::stall::Stall;
-use super::stragglers::{RenderCost, StragglerMoment, Stragglers};
-use crate::adaptive::Adaptive;
-use crate::engine::{InFlightSubmission, PathSource, StreamingEnd, Tracer, Work};
+use super::rounds::{self, StepResult};
+use super::segments::SegmentQueue;
+use super::stall::StallDetector;
+use super::stragglers::{RenderCost, StragglerMoment, StragglerRoulette};
+use crate::adaptive::AdaptiveBuffers;
+use crate::engine::{InFlightSubmission, PathSource, StreamingEnd, SubmittedWork, WavefrontTracer};
 use crate::error::RenderError;
-use crate::patience::Patience;
-use crate::progress::Progress;
+use crate::frame_context::is_cpu;
+use crate::patience::LoadWait;
+use crate::progress::FrameProgress;
 use crate::publish::Extent;
-use crate::setting::is_cpu;
-use crate::shared::Gate;
-use crate::wavefront::Kind;
-use oocpt_abi::Counters;
-use oocpt_core::residency::roulette::Prices;
-use oocpt_core::residency::{Demand, Proposal, ResidencyStats, UnitId};
+use crate::shared::FrameGate;
+use crate::wavefront::PathKind;
+use oocpt_abi::WavefrontCounters;
+use oocpt_core::residency::roulette::LoadPrices;
+use oocpt_core::residency::{LoadProposal, RayDemand, ResidencyStats, UnitId};
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
@@ -44,7 +44,7 @@ const STALL_TIMEOUT: Duration = Duration::from_secs(120);
 
 /// What is remembered of a step.
 #[derive(Debug)]
-pub(crate) struct Step {
+pub(crate) struct StreamingStep {
     number: u64,
     rounds: u32,
     /// What rays bring was looked at.
@@ -53,11 +53,11 @@ pub(crate) struct Step {
 
 /// See the module.
 #[derive(Debug)]
-pub(crate) struct Stage<'a, 'r> {
-    streamer: Streamer<'a, 'r>,
+pub(crate) struct StreamingStage<'a, 'r> {
+    streamer: StreamingContext<'a, 'r>,
     is_cpu: bool,
-    kind: Kind,
-    segments: Segments,
+    kind: PathKind,
+    segments: SegmentQueue,
     /// Paths that may be in flight.
     most_paths: u64,
     /// Paths that have ended.
@@ -67,32 +67,32 @@ pub(crate) struct Stage<'a, 'r> {
     /// Number of the next step; the first is 1.
     next_step: u64,
     rounds: u32,
-    seen: Observation,
+    seen: StepObservation,
     /// The next round.
     round: u32,
     started: Instant,
     last_event: Instant,
     /// When something was last on its way.
     last_waited: Instant,
-    patience: Patience,
+    patience: LoadWait,
     leave: LeaveDecision,
-    stall: Stall,
+    stall: StallDetector,
 }
 
-impl<'a, 'r> Stage<'a, 'r> {
+impl<'a, 'r> StreamingStage<'a, 'r> {
     /// Nothing to do yet.
-    pub(super) fn new(streamer: Streamer<'a, 'r>, leave: LeaveDecision, patience: Patience) -> Self {
+    pub(super) fn new(streamer: StreamingContext<'a, 'r>, leave: LeaveDecision, patience: LoadWait) -> Self {
         let now = Instant::now();
         Self {
             most_paths: 0,
             ended: 0,
             begun: Vec::new(),
-            seen: Observation::default(),
-            is_cpu: is_cpu(streamer.tracer.setting.device),
-            stall: Stall::new(streamer.residency.planner.catalog().unit_count()),
+            seen: StepObservation::default(),
+            is_cpu: is_cpu(streamer.tracer.context.device),
+            stall: StallDetector::new(streamer.residency.planner.catalog().unit_count()),
             streamer,
-            kind: Kind::Samples,
-            segments: Segments::new(0, 1, 1, 0),
+            kind: PathKind::Samples,
+            segments: SegmentQueue::new(0, 1, 1, 0),
             next_step: 1,
             rounds: 1,
             round: 0,
@@ -105,16 +105,17 @@ impl<'a, 'r> Stage<'a, 'r> {
     }
 
     /// Lets the paths begin that the target error asks for.
-    fn open(&mut self, progress: &Progress<'_>) {
-        if self.kind == Kind::Samples {
+    fn open(&mut self, progress: &FrameProgress<'_>) {
+        if self.kind == PathKind::Samples {
             self.segments.open_to(progress.open_paths());
-            self.segments.cut_at(self.streamer.tracer.setting.film.adaptive().map_or_else(Vec::new, Adaptive::cuts));
+            self.segments
+                .cut_at(self.streamer.tracer.context.film.adaptive().map_or_else(Vec::new, AdaptiveBuffers::cuts));
         }
     }
 
     /// Whether a step would do anything, as far as the host knows.
     fn has_work(&self) -> bool {
-        let has_verdicts = self.streamer.stragglers.as_ref().is_some_and(Stragglers::has_verdicts);
+        let has_verdicts = self.streamer.stragglers.as_ref().is_some_and(StragglerRoulette::has_verdicts);
         self.seen.active() > 0 || self.streamer.residency.has_changes() || has_verdicts || self.can_move_segments()
     }
 
@@ -130,43 +131,43 @@ impl<'a, 'r> Stage<'a, 'r> {
         ACTIVE_RAYS.saturating_sub(self.seen.active()).saturating_sub(unseen)
     }
 
-    /// Whether a step is better launched when more chunks have come: few rays are at hand now, and more are to be.
-    fn holds_back(&self, flights: &VecDeque<InFlightSubmission<Step>>) -> bool {
+    /// Whether a step is better submitted when more chunks have come: few rays are at hand now, and more are to be.
+    fn holds_back(&self, in_flight: &VecDeque<InFlightSubmission<StreamingStep>>) -> bool {
         let is_loading = self.streamer.residency.is_loading();
         // On a processor short steps cost little, and loads wait for the same cores.
         if self.is_cpu || self.seen.step == 0 || !is_loading || self.last_event.elapsed() > HOLD {
             return false;
         }
         let worthwhile = WORTHWHILE_RAYS.min(self.seen.paths_alive() / WORTHWHILE_SHARE);
-        let active = if flights.is_empty() { self.seen.active() } else { 0 };
+        let active = if in_flight.is_empty() { self.seen.active() } else { 0 };
         let waiting = |unit: &UnitId| self.seen.waiting.get(*unit as usize).map_or(0, |rays| u64::from(*rays));
         let woken: u64 = self.streamer.residency.arrived.iter().map(waiting).sum();
         let begun = if self.segments.can_start(self.ended) { self.room_for_rays() } else { 0 };
         active + woken + begun < worthwhile
     }
 
-    fn report(&self, progress: &mut Progress<'_>) {
+    fn report(&self, progress: &mut FrameProgress<'_>) {
         let stragglers = self.segments.oldest().and_then(|oldest| self.seen.alive(oldest.index)).map_or(0, u64::from);
         let left = self.segments.unbegun() + self.seen.paths_alive();
         self.streamer.report(progress, &self.seen, stragglers, left);
     }
 
     /// Asks the planner what to load when `active` rays can be traced.
-    fn plan(&mut self, active: u64, progress: &Progress<'_>) -> Result<(), RenderError> {
+    fn plan(&mut self, active: u64, progress: &FrameProgress<'_>) -> Result<(), RenderError> {
         let (are_few, prices) = (self.are_stragglers(), self.prices(progress).unwrap_or_default());
         let (seen, next_step) = (&self.seen, self.next_step);
         let (waiting, next, partners) = (&*seen.waiting, &*seen.next, &*seen.partners);
-        let demand = Demand { waiting, next, partners, active, asked: Some(&seen.asked), ..Demand::default() };
-        let Streamer { residency, stragglers, .. } = &mut self.streamer;
+        let demand = RayDemand { waiting, next, partners, active, asked: Some(&seen.asked), ..RayDemand::default() };
+        let StreamingContext { residency, stragglers, .. } = &mut self.streamer;
         match stragglers {
-            Some(stragglers) if self.kind == Kind::Samples => {
+            Some(stragglers) if self.kind == PathKind::Samples => {
                 let &ResidencyStats { loads, bytes_loaded, .. } = residency.planner.stats();
                 let secs = self.started.elapsed().as_secs_f64();
-                let waits = are_few && Stragglers::is_idle(seen) && residency.is_loading();
+                let waits = are_few && StragglerRoulette::is_idle(seen) && residency.is_loading();
                 stragglers.note(StragglerMoment { secs, loads, bytes_loaded, waits });
                 stragglers.observe(seen, |chunk| residency.planner.is_resident(chunk));
                 residency.plan(&demand, &mut |proposal| {
-                    let proposal = Proposal { is_idle: proposal.is_idle && are_few, ..*proposal };
+                    let proposal = LoadProposal { is_idle: proposal.is_idle && are_few, ..*proposal };
                     stragglers.agrees(&proposal, seen, &prices, next_step)
                 })
             }
@@ -175,7 +176,7 @@ impl<'a, 'r> Stage<'a, 'r> {
     }
 
     /// What loads and paths cost, for roulette on loads.
-    fn prices(&self, progress: &Progress<'_>) -> Option<Prices> {
+    fn prices(&self, progress: &FrameProgress<'_>) -> Option<LoadPrices> {
         let stragglers = self.streamer.stragglers.as_ref()?;
         let spent = RenderCost {
             secs: self.started.elapsed().as_secs_f64(),
@@ -189,19 +190,19 @@ impl<'a, 'r> Stage<'a, 'r> {
     /// Whether the number of living paths is below the threshold for roulette on loads, and none can begin or be
     /// decided about.
     fn are_stragglers(&self) -> bool {
-        let setting = self.streamer.tracer.setting;
-        let adaptive = setting.film.adaptive();
+        let context = self.streamer.tracer.context;
+        let adaptive = context.film.adaptive();
         #[cfg(feature = "faults")]
-        let adaptive = adaptive.filter(|_| !setting.job.options.faults.early_roulette);
-        let are_few = |stragglers: &Stragglers| stragglers.are_few(self.seen.paths_alive(), self.most_paths);
-        self.kind == Kind::Samples
+        let adaptive = adaptive.filter(|_| !context.job.options.faults.early_roulette);
+        let are_few = |stragglers: &StragglerRoulette| stragglers.are_few(self.seen.paths_alive(), self.most_paths);
+        self.kind == PathKind::Samples
             && !self.segments.can_start(self.ended)
-            && !adaptive.is_some_and(Adaptive::decides_more)
+            && !adaptive.is_some_and(AdaptiveBuffers::decides_more)
             && self.streamer.stragglers.as_ref().is_some_and(are_few)
     }
 
     /// For those who ask where the time goes.
-    fn log(&self, step: &Step, secs: f64, before: &Counters) {
+    fn log(&self, step: &StreamingStep, secs: f64, before: &WavefrontCounters) {
         if !tracing::enabled!(tracing::Level::TRACE) {
             return;
         }
@@ -214,41 +215,41 @@ impl<'a, 'r> Stage<'a, 'r> {
         tracing::trace!(active, waiting, alive, loads, evictions, bytes_held, bytes_in_flight, mapped, "state");
     }
 
-    fn tick(&mut self, flights: &VecDeque<InFlightSubmission<Step>>) {
-        let tracing = !flights.is_empty();
+    fn tick(&mut self, in_flight: &VecDeque<InFlightSubmission<StreamingStep>>) {
+        let tracing = !in_flight.is_empty();
         let loading = self.streamer.residency.is_loading();
-        self.streamer.clock.change(Instant::now(), Activity { tracing, loading });
+        self.streamer.clock.change(Instant::now(), StageActivity { tracing, loading });
     }
 }
 
-impl PathSource for Stage<'_, '_> {
-    type StepData = Step;
+impl PathSource for StreamingStage<'_, '_> {
+    type StepData = StreamingStep;
 
-    fn tracer(&self) -> &Tracer<'_> {
+    fn tracer(&self) -> &WavefrontTracer<'_> {
         &self.streamer.tracer
     }
 
-    fn kind(&self) -> Kind {
+    fn kind(&self) -> PathKind {
         self.kind
     }
 
-    fn begin(&mut self, kind: Kind, progress: &mut Progress<'_>) -> Result<(), RenderError> {
+    fn begin(&mut self, kind: PathKind, progress: &mut FrameProgress<'_>) -> Result<(), RenderError> {
         self.streamer.clear(kind)?;
-        let setting = self.streamer.tracer.setting;
+        let context = self.streamer.tracer.context;
         let total = match kind {
-            Kind::Aovs => setting.job.request.pixels(),
-            Kind::Samples => {
-                progress.begin_samples(setting.film);
+            PathKind::Aovs => context.job.request.pixels(),
+            PathKind::Samples => {
+                progress.begin_samples(context.film);
                 progress.total_paths()
             }
         };
         let buffers = self.streamer.buffers;
         let slots = buffers.paths.capacity;
         self.kind = kind;
-        self.segments = Segments::new(buffers.ended.segment_count, buffers.ended.segment_size, slots, total);
+        self.segments = SegmentQueue::new(buffers.ended.segment_count, buffers.ended.segment_size, slots, total);
         self.most_paths = total.min(u64::from(slots));
         self.begun = vec![0; buffers.ended.segment_count as usize];
-        self.seen = Observation::default();
+        self.seen = StepObservation::default();
         if let Some(reach) = &mut self.streamer.residency.reach {
             reach.begin();
         }
@@ -259,46 +260,48 @@ impl PathSource for Stage<'_, '_> {
         Ok(())
     }
 
-    fn is_done(&self, flights: &VecDeque<InFlightSubmission<Step>>) -> bool {
+    fn is_done(&self, in_flight: &VecDeque<InFlightSubmission<StreamingStep>>) -> bool {
         // An octave that is under way may open more.
-        self.segments.is_done() && flights.iter().all(|flight| flight.work.octaves.is_empty())
+        self.segments.is_done() && in_flight.iter().all(|other| other.work.octaves.is_empty())
     }
 
     fn advance(
         &mut self,
-        flights: &VecDeque<InFlightSubmission<Step>>,
-        progress: &mut Progress<'_>,
+        in_flight: &VecDeque<InFlightSubmission<StreamingStep>>,
+        progress: &mut FrameProgress<'_>,
     ) -> Result<(), RenderError> {
         self.streamer.residency.advance(Duration::ZERO)?;
         self.streamer.deepen(progress)?;
-        self.tick(flights);
+        self.tick(in_flight);
         Ok(())
     }
 
-    fn launch(
+    fn submit_next(
         &mut self,
-        flights: &VecDeque<InFlightSubmission<Step>>,
-        progress: &mut Progress<'_>,
-    ) -> Result<Option<Work<Step>>, RenderError> {
-        if !self.has_work() || self.holds_back(flights) {
+        in_flight: &VecDeque<InFlightSubmission<StreamingStep>>,
+        progress: &mut FrameProgress<'_>,
+    ) -> Result<Option<SubmittedWork<StreamingStep>>, RenderError> {
+        if !self.has_work() || self.holds_back(in_flight) {
             return Ok(None);
         }
         let number = self.next_step;
         let mut plan = StepPlan { round: self.round, rounds: self.rounds, ..StepPlan::default() };
         // Rays of steps that are still under way may be waiting by now.
-        plan.wakes = self.seen.waiting() > 0 || !flights.is_empty();
+        plan.wakes = self.seen.waiting() > 0 || !in_flight.is_empty();
         let (seen, begun) = (&self.seen, &self.begun);
-        let film = self.streamer.tracer.setting.film;
+        let film = self.streamer.tracer.context.film;
         let mut compares = false;
         while let Some(segment) = self.segments.take_finished(|segment| seen.is_finished(begun, segment)) {
             plan.finished.push(segment);
             // A step shows one octave at most.
-            if self.kind == Kind::Samples && film.pieces(segment.wave, u64::MAX).iter().any(|p| p.completes.is_some()) {
+            if self.kind == PathKind::Samples
+                && film.pieces(segment.wave, u64::MAX).iter().any(|p| p.completes.is_some())
+            {
                 compares = progress.compares(&[0]);
                 break;
             }
         }
-        if self.kind == Kind::Samples {
+        if self.kind == PathKind::Samples {
             let finished: u64 = plan.finished.iter().map(|segment| u64::from(segment.wave.count)).sum();
             let extent = Extent { planes: u64::MAX, samples: progress.paths_done() + finished };
             plan.publishes = (progress.publish_due(extent) || compares).then_some(extent);
@@ -313,37 +316,37 @@ impl PathSource for Stage<'_, '_> {
             }
             plan.started.push(segment);
         }
-        if let Some(verdicts) = self.streamer.stragglers.as_mut().and_then(Stragglers::take_verdicts) {
+        if let Some(verdicts) = self.streamer.stragglers.as_mut().and_then(StragglerRoulette::take_verdicts) {
             self.streamer.buffers.write_verdicts(number, &verdicts)?;
             plan.plays = true;
             plan.wakes = true;
         }
         plan.weighs = self.are_stragglers();
         let (submission, octaves) = self.streamer.step(self.kind, number, &plan)?;
-        if self.kind == Kind::Samples {
+        if self.kind == PathKind::Samples {
             for segment in &plan.finished {
                 progress.wave_done(segment.wave);
             }
         }
         self.round = self.round.wrapping_add(plan.rounds);
         self.next_step += 1;
-        let of = Step { number, rounds: plan.rounds, weighs: plan.weighs };
-        Ok(Some(Work { submission, publishes: plan.publishes, octaves, of }))
+        let of = StreamingStep { number, rounds: plan.rounds, weighs: plan.weighs };
+        Ok(Some(SubmittedWork { submission, publishes: plan.publishes, octaves, of }))
     }
 
     /// Learns from the step, asks the planner.
-    fn land(
+    fn take_results(
         &mut self,
-        work: Work<Step>,
+        work: SubmittedWork<StreamingStep>,
         secs: f64,
-        _flights: &mut VecDeque<InFlightSubmission<Step>>,
-        _gate: &Gate<'_>,
-        progress: &mut Progress<'_>,
-    ) -> Result<Option<Work<Step>>, RenderError> {
+        _in_flight: &mut VecDeque<InFlightSubmission<StreamingStep>>,
+        _gate: &FrameGate<'_>,
+        progress: &mut FrameProgress<'_>,
+    ) -> Result<Option<SubmittedWork<StreamingStep>>, RenderError> {
         let before = self.seen.counters;
         self.streamer.buffers.observe(work.of.number, &mut self.seen)?;
         let busy = self.seen.counters.busy_rounds.wrapping_sub(before.busy_rounds);
-        self.rounds = rounds::next(self.rounds, Done { rounds: work.of.rounds, busy, secs });
+        self.rounds = rounds::next(self.rounds, StepResult { rounds: work.of.rounds, busy, secs });
         let waits = self.seen.waiting() > 0 && self.streamer.residency.is_loading();
         let more_join = self.segments.unbegun() > 0 || (waits && self.seen.active() < WORTHWHILE_RAYS);
         self.rounds = self.rounds.min(rounds::most(self.is_cpu, more_join));
@@ -360,12 +363,12 @@ impl PathSource for Stage<'_, '_> {
         }
         self.last_event = Instant::now();
         self.plan(self.seen.active(), progress)?;
-        if self.kind == Kind::Samples {
+        if self.kind == PathKind::Samples {
             let left = self.segments.unbegun() + self.seen.paths_alive();
             self.streamer.note_left(self.started.elapsed().as_secs_f64(), left);
             let residency = &mut self.streamer.residency;
             let paths = (self.segments.unbegun(), residency.store.paths_streamed + self.ended);
-            let Counters { closest_rays, shadow_rays, .. } = self.seen.counters;
+            let WavefrontCounters { closest_rays, shadow_rays, .. } = self.seen.counters;
             if self.leave.step(residency, closest_rays + shadow_rays, paths) {
                 let first = self.segments.close();
                 self.leave.left_off = Some(StreamingEnd { first, counters: self.seen.counters });
@@ -375,7 +378,7 @@ impl PathSource for Stage<'_, '_> {
         Ok(Some(work))
     }
 
-    fn landed(&mut self, progress: &mut Progress<'_>) -> Result<(), RenderError> {
+    fn end_submission(&mut self, progress: &mut FrameProgress<'_>) -> Result<(), RenderError> {
         self.open(progress);
         match self.seen.counters.stack_overflows {
             0 => Ok(()),
@@ -384,7 +387,7 @@ impl PathSource for Stage<'_, '_> {
     }
 
     /// Waits for the loader.
-    fn wait(&mut self, progress: &mut Progress<'_>) -> Result<bool, RenderError> {
+    fn wait(&mut self, progress: &mut FrameProgress<'_>) -> Result<bool, RenderError> {
         let copied = self.streamer.residency.bytes_copied;
         self.streamer.residency.advance(LOAD_WAIT)?;
         // Time passes for the planner too: what it refused for lack of memory is tried again.
@@ -414,11 +417,11 @@ impl PathSource for Stage<'_, '_> {
         self.leave.left_off.map(|left| StreamingEnd { counters: self.seen.counters, ..left })
     }
 
-    fn ended(&mut self, progress: &mut Progress<'_>) {
+    fn ended(&mut self, progress: &mut FrameProgress<'_>) {
         self.streamer.residency.store.paths_streamed += self.ended;
         self.report(progress);
         progress.timings.left.clone_from(&self.streamer.left.moments);
-        if let (Kind::Samples, Some(stragglers)) = (self.kind, &self.streamer.stragglers) {
+        if let (PathKind::Samples, Some(stragglers)) = (self.kind, &self.streamer.stragglers) {
             stragglers.log(&self.prices(progress).unwrap_or_default());
         }
     }

@@ -9,14 +9,14 @@ const LOADS_A_UNIT: u64 = 64;
 
 /// See the module.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Stall {
+pub(super) struct StallDetector {
     most_loads: u64,
     ended: u64,
     /// Loads when a path ended last.
     loads: u64,
 }
 
-impl Stall {
+impl StallDetector {
     /// For a scene of so many units.
     pub(super) fn new(units: usize) -> Self {
         Self { most_loads: MOST_LOADS + LOADS_A_UNIT * units as u64, ended: 0, loads: 0 }
@@ -39,7 +39,7 @@ mod tests {
 
     #[test]
     fn a_picture_stalls_by_loads_that_end_no_path() {
-        let mut stall = Stall::new(100);
+        let mut stall = StallDetector::new(100);
         let most = MOST_LOADS + 6400;
         assert_eq!(stall.note(0, most), None, "some scenes take so many");
         assert_eq!(stall.note(1, most + 1), None, "a path has ended");

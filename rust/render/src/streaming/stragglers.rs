@@ -8,15 +8,15 @@
 //! paths, others will want the chunk. Tiles of textures are always loaded: many rays share one, and it is small.
 //!
 //! What a load costs is what the picture waits for it: the seconds of just that time, by the bytes that came in it
-//! ([`Price`]). By all the time in which something is loaded it is many times more, since most of that time the device
-//! traces; and ever more, the fewer loads are left.
+//! ([`StragglerPrice`]). By all the time in which something is loaded it is many times more, since most of that time
+//! the device traces; and ever more, the fewer loads are left.
 
-use super::observe::Observation;
+use super::observe::StepObservation;
 use oocpt_abi::{WORTH_MUST, WORTH_ONE};
 #[cfg(feature = "faults")]
 use oocpt_core::residency::roulette::LEAST;
-use oocpt_core::residency::roulette::{Prices, Roulette, Stakes};
-use oocpt_core::residency::{Proposal, UnitId};
+use oocpt_core::residency::roulette::{LoadPrices, LoadRoulette, LoadStakes};
+use oocpt_core::residency::{LoadProposal, UnitId};
 
 /// Stragglers are so few of the paths that are in flight when there are enough: one in this many.
 const FEW: u64 = 64;
@@ -53,14 +53,14 @@ pub(super) struct StragglerMoment {
 
 /// Seconds by byte of the loads that the picture waits for, the latest ones most.
 #[derive(Clone, Copy, Debug, Default)]
-struct Price {
+struct StragglerPrice {
     last: StragglerMoment,
     secs: f64,
     bytes: f64,
     loads: f64,
 }
 
-impl Price {
+impl StragglerPrice {
     #[expect(clippy::cast_precision_loss, reason = "estimates")]
     fn note(&mut self, now: StragglerMoment) {
         if self.last.waits {
@@ -84,29 +84,29 @@ impl Price {
 
 /// See the module.
 #[derive(Debug)]
-pub(crate) struct Stragglers {
-    roulette: Roulette,
-    price: Price,
+pub(crate) struct StragglerRoulette {
+    roulette: LoadRoulette,
+    price: StragglerPrice,
     units: usize,
     #[cfg(feature = "faults")]
-    faults: crate::faults::Faults,
+    faults: crate::faults::PlantedFaults,
 }
 
-impl Stragglers {
+impl StragglerRoulette {
     /// For a scene of so many chunks and meshes.
     pub(crate) fn new(seed: u32, units: usize) -> Self {
         Self {
-            roulette: Roulette::new(seed, units),
-            price: Price::default(),
+            roulette: LoadRoulette::new(seed, units),
+            price: StragglerPrice::default(),
             units,
             #[cfg(feature = "faults")]
-            faults: crate::faults::Faults::default(),
+            faults: crate::faults::PlantedFaults::default(),
         }
     }
 
     /// The same, with what a test plants.
     #[cfg(feature = "faults")]
-    pub(crate) fn with_faults(self, faults: crate::faults::Faults) -> Self {
+    pub(crate) fn with_faults(self, faults: crate::faults::PlantedFaults) -> Self {
         Self { faults, ..self }
     }
 
@@ -120,7 +120,7 @@ impl Stragglers {
     }
 
     /// Tells what it came to.
-    pub(super) fn log(&self, prices: &Prices) {
+    pub(super) fn log(&self, prices: &LoadPrices) {
         tracing::info!(
             loads_saved = self.roulette.loads_saved,
             share_of_variance = self.roulette.spent / (prices.variance * prices.paths),
@@ -136,8 +136,8 @@ impl Stragglers {
         self.roulette.loads_saved
     }
 
-    /// See [`Roulette::observe`].
-    pub(super) fn observe(&mut self, seen: &Observation, is_resident: impl Fn(UnitId) -> bool) {
+    /// See [`LoadRoulette::observe`].
+    pub(super) fn observe(&mut self, seen: &StepObservation, is_resident: impl Fn(UnitId) -> bool) {
         self.roulette.observe(seen.step, &seen.waiting, is_resident);
     }
 
@@ -147,13 +147,19 @@ impl Stragglers {
     }
 
     /// Whether nearly all rays wait.
-    pub(super) fn is_idle(seen: &Observation) -> bool {
+    pub(super) fn is_idle(seen: &StepObservation) -> bool {
         seen.waiting() > 0 && seen.waiting() >= seen.active().saturating_mul(IDLE_RATIO)
     }
 
     /// Whether a load may begin; rays that wait for it first are weighted or ended in step `next`. Those that will come
     /// to the chunk later on pay their share of it.
-    pub(super) fn agrees(&mut self, proposal: &Proposal, seen: &Observation, prices: &Prices, next: u64) -> bool {
+    pub(super) fn agrees(
+        &mut self,
+        proposal: &LoadProposal,
+        seen: &StepObservation,
+        prices: &LoadPrices,
+        next: u64,
+    ) -> bool {
         let of = |values: &[u32]| values.get(proposal.unit as usize).copied();
         let (first, later) = (of(&seen.waiting).unwrap_or(0), of(&seen.next).unwrap_or(0));
         let worth = match of(&seen.worth) {
@@ -164,7 +170,7 @@ impl Stragglers {
             _ => f64::INFINITY,
         };
         let share = f64::from(first) / (f64::from(first) + f64::from(later)).max(1.0);
-        let stakes = Stakes { unit: proposal.unit, bytes: proposal.bytes, worth, share };
+        let stakes = LoadStakes { unit: proposal.unit, bytes: proposal.bytes, worth, share };
         #[cfg(feature = "faults")]
         if let Some(per_mille) = self.faults.roulette_per_mille {
             let p = if worth.is_finite() { (f64::from(per_mille) / 1000.0).clamp(LEAST, 1.0) } else { 1.0 };
@@ -175,13 +181,13 @@ impl Stragglers {
 
     /// What is known of costs; what is not, is no number. Of two variances the smaller one.
     #[expect(clippy::cast_precision_loss, reason = "estimates")]
-    pub(super) fn prices(&self, spent: &RenderCost, seen: &Observation) -> Prices {
+    pub(super) fn prices(&self, spent: &RenderCost, seen: &StepObservation) -> LoadPrices {
         let of_paths = f64::from(seen.roulette.variance);
         let known = spent.variance.into_iter().chain([of_paths]).filter(|variance| *variance > 0.0);
         let secs_per_byte = self.price.secs_per_byte();
         #[cfg(feature = "faults")]
         let secs_per_byte = self.faults.roulette_ns_per_byte.map(|ns| 1e-9 * f64::from(ns)).or(secs_per_byte);
-        Prices {
+        LoadPrices {
             secs_per_byte: secs_per_byte.unwrap_or(f64::NAN),
             secs_per_path: spent.secs / spent.paths as f64,
             variance: known.fold(f64::NAN, f64::min),
@@ -217,15 +223,15 @@ impl Stragglers {
 mod tests {
     use super::*;
 
-    fn seen(waiting: u32, worth: u32) -> Observation {
-        Observation { waiting: vec![0, waiting], worth: vec![0, worth], ..Observation::default() }
+    fn seen(waiting: u32, worth: u32) -> StepObservation {
+        StepObservation { waiting: vec![0, waiting], worth: vec![0, worth], ..StepObservation::default() }
     }
 
     /// Whether load after load of a chunk is agreed to, a hundred times.
-    fn agreed(seen: &Observation, is_idle: bool) -> usize {
-        let prices = Prices { secs_per_byte: 1.0, secs_per_path: 1e-9, variance: 1.0, paths: 1e9 };
-        let proposal = Proposal { unit: 1, bytes: 1 << 20, is_idle };
-        let yes = |seed: u32| Stragglers::new(seed, 2).agrees(&proposal, seen, &prices, 1);
+    fn agreed(seen: &StepObservation, is_idle: bool) -> usize {
+        let prices = LoadPrices { secs_per_byte: 1.0, secs_per_path: 1e-9, variance: 1.0, paths: 1e9 };
+        let proposal = LoadProposal { unit: 1, bytes: 1 << 20, is_idle };
+        let yes = |seed: u32| StragglerRoulette::new(seed, 2).agrees(&proposal, seen, &prices, 1);
         (0..100).filter(|&seed| yes(seed)).count()
     }
 
@@ -236,18 +242,18 @@ mod tests {
         assert_eq!(agreed(&seen(MANY_RAYS, WORTH_ONE), true), 100, "many rays wait");
         assert_eq!(agreed(&seen(3, WORTH_ONE | WORTH_MUST), true), 100, "a camera ray waits");
         assert_eq!(agreed(&seen(3, 0), true), 100, "the rays wait for another unit");
-        assert_eq!(agreed(&Observation::default(), true), 100, "nothing is known");
+        assert_eq!(agreed(&StepObservation::default(), true), 100, "nothing is known");
     }
 
     #[test]
     fn rays_with_the_chunk_further_along_share_the_load_cost() {
         // A load costs 1000 paths, so one ray has p = 0.1; with 24 others to come it pays for 40 of them: p = 0.5, and
         // with more it is not played.
-        let prices = Prices { secs_per_byte: 1e-6, secs_per_path: 1e-3, variance: 0.2, paths: 1e9 };
-        let proposal = Proposal { unit: 1, bytes: 1_000_000, is_idle: true };
+        let prices = LoadPrices { secs_per_byte: 1e-6, secs_per_path: 1e-3, variance: 0.2, paths: 1e9 };
+        let proposal = LoadProposal { unit: 1, bytes: 1_000_000, is_idle: true };
         let agreed = |later: u32| {
-            let seen = Observation { next: vec![0, later], ..seen(1, WORTH_ONE) };
-            (0..400).filter(|&seed| Stragglers::new(seed, 2).agrees(&proposal, &seen, &prices, 1)).count()
+            let seen = StepObservation { next: vec![0, later], ..seen(1, WORTH_ONE) };
+            (0..400).filter(|&seed| StragglerRoulette::new(seed, 2).agrees(&proposal, &seen, &prices, 1)).count()
         };
         let (alone, shared, many) = (agreed(0), agreed(24), agreed(26));
         assert!(alone < 70 && (150..250).contains(&shared) && many == 400, "{alone}, {shared}, {many} of 400");
@@ -255,7 +261,7 @@ mod tests {
 
     #[test]
     fn the_price_of_a_byte_is_measured_waiting_time() {
-        let mut price = Price::default();
+        let mut price = StragglerPrice::default();
         let at = |secs, loads, waits| StragglerMoment { secs, loads, bytes_loaded: 10 * loads, waits };
         price.note(at(5.0, 100, true));
         assert!(price.secs_per_byte().is_none(), "what was loaded while the device had work costs nothing");
@@ -274,11 +280,11 @@ mod tests {
 
     #[test]
     fn unknown_prices_are_none() {
-        let stragglers = Stragglers::new(1, 2);
+        let stragglers = StragglerRoulette::new(1, 2);
         let spent = |variance| RenderCost { secs: 1.0, paths: 10, all_paths: 20, variance };
-        let of_paths = |variance| Observation {
-            roulette: oocpt_abi::Roulette { variance, ..Default::default() },
-            ..Observation::default()
+        let of_paths = |variance| StepObservation {
+            roulette: oocpt_abi::RouletteStats { variance, ..Default::default() },
+            ..StepObservation::default()
         };
         let known = |measured, said| stragglers.prices(&spent(measured), &of_paths(said)).variance;
         assert!(known(None, 0.0).is_nan() && known(Some(0.0), 0.0).is_nan(), "nobody said anything");
@@ -287,25 +293,30 @@ mod tests {
             "the smaller"
         );
         assert!((known(None, 0.25) - 0.25).abs() < 1e-9, "the only one");
-        let prices = stragglers.prices(&spent(None), &Observation::default());
+        let prices = stragglers.prices(&spent(None), &StepObservation::default());
         assert!(prices.secs_per_byte.is_nan() && (prices.secs_per_path - 0.1).abs() < 1e-12, "{prices:?}");
     }
 
     #[test]
     fn stragglers_are_at_most_one_path_in_64() {
-        let stragglers = Stragglers::new(1, 2);
+        let stragglers = StragglerRoulette::new(1, 2);
         assert!(stragglers.are_few(1000, 64_000) && !stragglers.are_few(1001, 64_000), "one in 64");
-        let faults = crate::faults::Faults { roulette_per_mille: Some(500), ..Default::default() };
-        assert!(Stragglers::new(1, 2).with_faults(faults).are_few(8000, 8000), "always, where a test sets the odds");
+        let faults = crate::faults::PlantedFaults { roulette_per_mille: Some(500), ..Default::default() };
+        assert!(
+            StragglerRoulette::new(1, 2).with_faults(faults).are_few(8000, 8000),
+            "always, where a test sets the odds"
+        );
     }
 
     #[test]
     fn verdicts_are_encoded_per_chunk() {
-        let prices = Prices { secs_per_byte: 1.0, secs_per_path: 1e-9, variance: 1.0, paths: 1e9 };
-        let mut stragglers = Stragglers::new(7, 200);
-        let many = Observation { waiting: vec![1; 200], worth: vec![1; 200], ..Observation::default() };
+        let prices = LoadPrices { secs_per_byte: 1.0, secs_per_path: 1e-9, variance: 1.0, paths: 1e9 };
+        let mut stragglers = StragglerRoulette::new(7, 200);
+        let many = StepObservation { waiting: vec![1; 200], worth: vec![1; 200], ..StepObservation::default() };
         let yes: Vec<bool> = (0..199)
-            .map(|chunk| stragglers.agrees(&Proposal { unit: chunk, bytes: 1 << 20, is_idle: true }, &many, &prices, 1))
+            .map(|chunk| {
+                stragglers.agrees(&LoadProposal { unit: chunk, bytes: 1 << 20, is_idle: true }, &many, &prices, 1)
+            })
             .collect();
         let table = stragglers.take_verdicts().expect("something was decided");
         for (entry, yes) in table.iter().zip(&yes) {

@@ -3,13 +3,13 @@
 //!
 //! One thread decodes, another makes coarser levels and tiles, a few bands apart; where other files keep the cores
 //! busy, one does both. Memory: [`BANDS`] bands of rows, and for each level one row of tiles and two rows of sums
-//! (`oocpt_core::texture::Pyramid`); no level is ever whole.
+//! (`oocpt_core::texture::TexturePyramid`); no level is ever whole.
 
-use super::image::{ColorTransform, Image, ImageError};
-use super::texels::Texels;
+use super::image::{ColorTransform, ImageError, SourceImage};
+use super::texels::StoredTexels;
 use crossbeam_channel::bounded;
 use oocpt_abi::TILE_SIDE;
-use oocpt_core::texture::{Layout, Pyramid};
+use oocpt_core::texture::{TexturePyramid, TileLayout};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Bands between the two threads.
@@ -22,26 +22,26 @@ pub(super) trait TileSink {
 }
 
 /// What is decoded, and into what.
-pub(super) struct Decoding<'a> {
-    pub(super) image: &'a dyn Image,
+pub(super) struct ImageDecoding<'a> {
+    pub(super) image: &'a dyn SourceImage,
     /// How tiles are stored.
-    pub(super) texels: &'a Texels,
+    pub(super) texels: &'a StoredTexels,
     /// How the image's texels are stored, if not so, and what makes them linear.
-    pub(super) transform: Option<(&'a Texels, &'a dyn ColorTransform)>,
-    pub(super) layout: &'a Layout,
+    pub(super) transform: Option<(&'a StoredTexels, &'a dyn ColorTransform)>,
+    pub(super) layout: &'a TileLayout,
     /// The finest level that is wanted.
     pub(super) first: u32,
 }
 
 /// Gives `sink` every tile of the levels that are wanted.
-pub(super) fn convert(decoding: &Decoding<'_>, sink: &mut dyn TileSink) -> Result<(), ImageError> {
+pub(super) fn convert(decoding: &ImageDecoding<'_>, sink: &mut dyn TileSink) -> Result<(), ImageError> {
     let image = decoding.image;
     let from = decoding.transform.map_or(decoding.texels, |(from, _)| from);
     let row_bytes = decoding.layout.size()[0] as usize * from.file_bytes();
     let (send, bands) = bounded::<(u32, Vec<u8>)>(BANDS);
     let (give_back, used) = bounded::<Vec<u8>>(BANDS + 1);
-    let mut maker = Maker::new(decoding);
-    let busy = Busy::new();
+    let mut maker = PyramidMaker::new(decoding);
+    let busy = BusyFiles::new();
     if busy.has_cores() {
         // On this thread, without copies of rows.
         let mut made = Ok(());
@@ -81,11 +81,11 @@ pub(super) fn convert(decoding: &Decoding<'_>, sink: &mut dyn TileSink) -> Resul
 }
 
 /// Files that are converted at the moment, this one included.
-struct Busy(usize);
+struct BusyFiles(usize);
 
 static BUSY: AtomicUsize = AtomicUsize::new(0);
 
-impl Busy {
+impl BusyFiles {
     fn new() -> Self {
         Self(BUSY.fetch_add(1, Ordering::Relaxed) + 1)
     }
@@ -96,7 +96,7 @@ impl Busy {
     }
 }
 
-impl Drop for Busy {
+impl Drop for BusyFiles {
     fn drop(&mut self) {
         BUSY.fetch_sub(1, Ordering::Relaxed);
     }
@@ -113,13 +113,13 @@ struct TileRow {
 }
 
 /// Cuts rows into tiles.
-struct Maker<'a> {
-    from: &'a Texels,
+struct PyramidMaker<'a> {
+    from: &'a StoredTexels,
     transform: Option<&'a dyn ColorTransform>,
-    pyramid: Pyramid,
+    pyramid: TexturePyramid,
     /// Rows of the image that came in.
     taken: u32,
-    cutter: Cutter<'a>,
+    cutter: TileCutter<'a>,
     values: Vec<f32>,
     /// Two rows of bytes make one of level 1, which goes on from there.
     halves: bool,
@@ -127,8 +127,8 @@ struct Maker<'a> {
     upper: Vec<u8>,
 }
 
-struct Cutter<'a> {
-    texels: &'a Texels,
+struct TileCutter<'a> {
+    texels: &'a StoredTexels,
     first: u32,
     levels: Vec<TileRow>,
     encoded: Vec<u8>,
@@ -150,15 +150,15 @@ pub(super) fn make_finite(values: &mut [f32]) -> bool {
     true
 }
 
-impl<'a> Maker<'a> {
-    fn new(decoding: &Decoding<'a>) -> Self {
-        let Decoding { texels, transform, layout, first, .. } = *decoding;
+impl<'a> PyramidMaker<'a> {
+    fn new(decoding: &ImageDecoding<'a>) -> Self {
+        let ImageDecoding { texels, transform, layout, first, .. } = *decoding;
         let level = |level| {
             let size = layout.level_size(level);
             let bytes = if level < first { 0 } else { size[0] as usize * TILE_SIDE.min(size[1]) as usize };
             TileRow { size, taken: 0, rows: vec![0; bytes * texels.file_bytes()] }
         };
-        let cutter = Cutter {
+        let cutter = TileCutter {
             texels,
             first,
             levels: (0..layout.levels()).map(level).collect(),
@@ -169,7 +169,7 @@ impl<'a> Maker<'a> {
         let (from, transform) = transform.map_or((texels, None), |(from, transform)| (from, Some(transform)));
         let halves =
             from.is_bounded() && transform.is_none() && layout.size().iter().all(|side| side.is_multiple_of(2));
-        let pyramid = Pyramid::new(layout, texels.channels());
+        let pyramid = TexturePyramid::new(layout, texels.channels());
         Self { from, transform, pyramid, taken: 0, cutter, values, halves, upper: Vec::new() }
     }
 
@@ -235,7 +235,7 @@ impl<'a> Maker<'a> {
     }
 }
 
-impl Cutter<'_> {
+impl TileCutter<'_> {
     /// The next row of a level, as values.
     fn values(&mut self, level: u32, values: &[f32], sink: &mut dyn TileSink) -> Result<(), ImageError> {
         if level < self.first {

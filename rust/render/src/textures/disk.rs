@@ -11,7 +11,7 @@
 
 use super::convert::TileSink;
 use super::image::ImageError;
-use super::tx::{Description, TxFile, TxWriter};
+use super::tx::{TxDescription, TxFile, TxWriter};
 use super::under_way;
 use crate::cache_folder::cache_folder;
 use crate::sync::lock;
@@ -120,7 +120,7 @@ impl DiskCache {
     }
 
     /// Begins an entry; `None`, with a complaint, where nothing can be written.
-    pub(crate) fn begin(&self, description: Description) -> Option<Pending<'_>> {
+    pub(crate) fn begin(&self, description: TxDescription) -> Option<PendingEntry<'_>> {
         if self.has_failed() {
             return None;
         }
@@ -133,7 +133,7 @@ impl DiskCache {
             .and_then(|()| File::options().write(true).create_new(true).open(&part))
             .and_then(|file| TxWriter::new(file, description));
         match begun {
-            Ok(writer) => Some(Pending { cache: self, writer: Some(writer), part, path }),
+            Ok(writer) => Some(PendingEntry { cache: self, writer: Some(writer), part, path }),
             Err(error) => {
                 under_way::end(&part);
                 self.complain("cannot be written", &error);
@@ -208,14 +208,14 @@ fn delete(path: &Path) {
 
 /// An entry under way; removed again unless it is committed.
 #[derive(Debug)]
-pub(crate) struct Pending<'a> {
+pub(crate) struct PendingEntry<'a> {
     cache: &'a DiskCache,
     writer: Option<TxWriter<File>>,
     part: PathBuf,
     path: PathBuf,
 }
 
-impl Pending<'_> {
+impl PendingEntry<'_> {
     /// Ends the file and gives it its name; `None`, with a complaint, if that fails.
     pub(crate) fn commit(mut self) -> Option<TxFile> {
         let writer = self.writer.take()?;
@@ -238,7 +238,7 @@ impl Pending<'_> {
     }
 }
 
-impl TileSink for Pending<'_> {
+impl TileSink for PendingEntry<'_> {
     fn tile(&mut self, level: u32, at: [u32; 2], size: [u32; 2], texels: &[u8]) -> Result<(), ImageError> {
         let Some(writer) = &mut self.writer else { return Err(ImageError("the texture cache is closed".into())) };
         writer.tile(level, at, size, texels).map_err(|error| {
@@ -248,7 +248,7 @@ impl TileSink for Pending<'_> {
     }
 }
 
-impl Drop for Pending<'_> {
+impl Drop for PendingEntry<'_> {
     fn drop(&mut self) {
         // After a commit it has another name.
         if self.part.exists() {
@@ -288,7 +288,7 @@ mod tests {
         Scratch(DiskCache::new(folder, limit))
     }
 
-    fn description(key: &str) -> Description {
+    fn description(key: &str) -> TxDescription {
         let info = ImageInfo {
             levels: vec![[100, 100]],
             channels: 1,
@@ -297,7 +297,7 @@ mod tests {
             is_srgb: None,
             wrap: None,
         };
-        Description::new(key, &info, false, 6)
+        TxDescription::new(key, &info, false, 6)
     }
 
     /// Level 6 of 100 x 100 texels is one.

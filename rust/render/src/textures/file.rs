@@ -5,7 +5,7 @@
 
 use super::disk::DiskCache;
 use super::image::{ImageError, ImageLibrary};
-use super::tiles::{Stores, TextureImage, Wanted};
+use super::tiles::{ImageStores, TextureImage, WantedImage};
 use oocpt_core::material::is_ptex_name;
 use oocpt_core::scene::AssetRef;
 use oocpt_core::settings::Settings;
@@ -102,14 +102,14 @@ impl TextureFile<'_> {
         DiskCache::of_setting(&self.settings.texture_cache, self.settings.texture_cache_mib).map(Arc::new)
     }
 
-    fn wanted<'a>(&'a self, name: &'a Arc<str>) -> Wanted<'a> {
+    fn wanted<'a>(&'a self, name: &'a Arc<str>) -> WantedImage<'a> {
         let (library, asset) = (self.library, self.asset);
         let is_ptex = is_ptex_name(&asset.resolved);
-        Wanted { name, library, asset, member: 0, file: asset, color_space: self.color_space, is_ptex }
+        WantedImage { name, library, asset, member: 0, file: asset, color_space: self.color_space, is_ptex }
     }
 
     fn open(&self, disk: Option<Arc<DiskCache>>) -> Result<TextureImage, ImageError> {
-        let stores = Stores { disk, ..Stores::default() };
+        let stores = ImageStores { disk, ..ImageStores::default() };
         let image = TextureImage::open(&self.wanted(&self.asset.authored), &stores)?;
         let image = image.ok_or_else(|| ImageError("cannot be found".into()))?;
         match image.warning() {

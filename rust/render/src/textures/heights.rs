@@ -4,26 +4,26 @@
 
 use super::convert::make_finite;
 use super::disk::DiskCache;
-use super::image::{Image, ImageLibrary};
+use super::image::{ImageLibrary, SourceImage};
 use super::set::open;
-use super::texels::Texels;
-use super::tiles::{Stores, TextureImage};
+use super::texels::StoredTexels;
+use super::tiles::{ImageStores, TextureImage};
 use crate::sync::lock;
 use oocpt_abi::TILE_SIDE;
 use oocpt_core::settings::Settings;
-use oocpt_core::texture::{HeightFiles, HeightImage, Layout, TexelFormat, TextureRef, Wrap};
+use oocpt_core::texture::{HeightFiles, HeightImage, TexelFormat, TextureRef, TileLayout, Wrap};
 use std::sync::{Arc, Mutex};
 
 /// See the module.
 #[derive(Debug)]
 pub(crate) struct HeightTextures {
     library: Arc<dyn ImageLibrary>,
-    disk: Mutex<Disk>,
+    disk: Mutex<HeightDisk>,
 }
 
 /// The cache on disk, and the settings that it is made from.
 #[derive(Debug, Default)]
-struct Disk {
+struct HeightDisk {
     folder: Option<(String, u32)>,
     cache: Option<Arc<DiskCache>>,
 }
@@ -56,18 +56,18 @@ impl HeightTextures {
 
 impl HeightFiles for HeightTextures {
     fn open(&self, texture: &TextureRef, member: u32) -> Result<Option<Arc<dyn HeightImage>>, String> {
-        let stores = Stores { disk: self.disk(), ..Stores::default() };
+        let stores = ImageStores { disk: self.disk(), ..ImageStores::default() };
         let image = open(Some(&self.library), texture, member, &stores).map_err(|error| error.to_string())?;
-        Ok(image.map(|image| Arc::new(Height(image)) as Arc<dyn HeightImage>))
+        Ok(image.map(|image| Arc::new(OpenHeight(image)) as Arc<dyn HeightImage>))
     }
 }
 
 /// An open image. Decoded rows live as long as it does, which is a commit.
 #[derive(Debug)]
-struct Height(Arc<TextureImage>);
+struct OpenHeight(Arc<TextureImage>);
 
-impl HeightImage for Height {
-    fn layout(&self) -> Layout {
+impl HeightImage for OpenHeight {
+    fn layout(&self) -> TileLayout {
         *self.0.layout()
     }
 
@@ -111,8 +111,8 @@ pub(super) fn read_channel_by_bands(
     channel: u8,
     sink: &mut dyn FnMut(&[f32]),
 ) -> Result<(), String> {
-    let info = Image::info(image);
-    let texels = Texels::new(&info, image.is_srgb());
+    let info = SourceImage::info(image);
+    let texels = StoredTexels::new(&info, image.is_srgb());
     let [width, height] = image.layout().level_size(level);
     let most = (BAND_TEXELS / width.max(1)).clamp(TILE_SIDE / 8, TILE_SIDE);
     let (mut raw, mut values, mut band) = (Vec::new(), Vec::new(), Vec::new());

@@ -20,11 +20,11 @@ pub struct ImageInfo {
     pub levels: Vec<[u32; 2]>,
     /// 1 to 4.
     pub channels: u32,
-    /// Format that [`Image::read`] gives.
+    /// Format that [`SourceImage::read`] gives.
     pub format: TexelFormat,
     /// Reading a part costs about as much as the part. Else a part may cost as much as all rows above it: take all of
     /// the image once
-    /// ([`Image::decode`]) where more than a few texels are wanted.
+    /// ([`SourceImage::decode`]) where more than a few texels are wanted.
     pub tile_friendly: bool,
     /// The file says that it is sRGB, or that it is not.
     pub is_srgb: Option<bool>,
@@ -33,7 +33,7 @@ pub struct ImageInfo {
 }
 
 /// An open image. Called by several threads at once.
-pub trait Image: Send + Sync + Debug {
+pub trait SourceImage: Send + Sync + Debug {
     /// What is known of it; always the same.
     fn info(&self) -> ImageInfo;
 
@@ -54,11 +54,11 @@ pub trait Image: Send + Sync + Debug {
     }
 }
 
-/// Most bytes of a band of rows that [`Image::decode`] gives, unless one row is longer.
+/// Most bytes of a band of rows that [`SourceImage::decode`] gives, unless one row is longer.
 pub const BAND_BYTES: usize = 4 << 20;
 
-/// [`Image::decode`] for images of which any part is read as quickly as any other.
-fn decode_by_reading<I: Image + ?Sized>(
+/// [`SourceImage::decode`] for images of which any part is read as quickly as any other.
+fn decode_by_reading<I: SourceImage + ?Sized>(
     image: &I,
     level: u32,
     sink: &mut dyn FnMut(u32, &[u8]) -> bool,
@@ -95,10 +95,10 @@ pub trait ColorTransform: Send + Sync + Debug {
 /// Opens images. Called by the render thread.
 pub trait ImageLibrary: Send + Sync + Debug {
     /// Opens a file.
-    fn open(&self, asset: &AssetRef) -> Result<Arc<dyn Image>, ImageError>;
+    fn open(&self, asset: &AssetRef) -> Result<Arc<dyn SourceImage>, ImageError>;
 
     /// Opens the member `number` (1001 to 1100) of a set of files with `<UDIM>` in its path; `None` when there is none.
-    fn open_part(&self, set: &AssetRef, number: u32) -> Option<Result<Arc<dyn Image>, ImageError>> {
+    fn open_part(&self, set: &AssetRef, number: u32) -> Option<Result<Arc<dyn SourceImage>, ImageError>> {
         let name = |text: &str| text.replace("<UDIM>", &number.to_string()).into();
         let part = AssetRef { authored: name(&set.authored), resolved: name(&set.resolved) };
         self.open(&part).ok().map(Ok)

@@ -9,22 +9,22 @@ use super::image::ImageError;
 use crate::host_memory;
 use crate::sync::lock;
 use oocpt_core::settings::Settings;
-use oocpt_core::texture::Layout;
+use oocpt_core::texture::TileLayout;
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, Weak};
 
 /// Levels of an image, stored as the file's texels are, rows from the bottom up.
 #[derive(Debug)]
-pub(super) struct Levels {
+pub(super) struct StoredLevels {
     first: u32,
     texel_bytes: usize,
     levels: Vec<([u32; 2], Vec<u8>)>,
 }
 
-impl Levels {
+impl StoredLevels {
     /// Room for the levels `first ..` of an image.
-    pub(super) fn new(layout: &Layout, texel_bytes: usize, first: u32) -> Self {
+    pub(super) fn new(layout: &TileLayout, texel_bytes: usize, first: u32) -> Self {
         let level = |level| {
             let size = layout.level_size(level);
             (size, vec![0; size[0] as usize * size[1] as usize * texel_bytes])
@@ -56,7 +56,7 @@ impl Levels {
     }
 }
 
-impl TileSink for Levels {
+impl TileSink for StoredLevels {
     fn tile(&mut self, level: u32, at: [u32; 2], size: [u32; 2], texels: &[u8]) -> Result<(), ImageError> {
         let outside = || ImageError("has a tile outside of it".into());
         let Some(index) = level.checked_sub(self.first) else { return Ok(()) };
@@ -72,14 +72,14 @@ impl TileSink for Levels {
 }
 
 /// An image that keeps levels in memory.
-pub(super) trait Droppable: Send + Sync {
+pub(super) trait DroppableLevels: Send + Sync {
     /// Lets go of them, unless somebody is at work on them.
     fn drop_levels(&self) -> bool;
 }
 
 /// Remembers which images have levels in memory, the oldest first.
 pub(crate) struct MemoryStore {
-    held: Mutex<VecDeque<(Weak<dyn Droppable>, u64)>>,
+    held: Mutex<VecDeque<(Weak<dyn DroppableLevels>, u64)>>,
     /// Most bytes.
     most: AtomicU64,
 }
@@ -103,7 +103,7 @@ impl MemoryStore {
     }
 
     /// Takes note of an image's levels; drops older ones if there are too many bytes.
-    pub(super) fn added(&self, image: Weak<dyn Droppable>, levels: &Levels) {
+    pub(super) fn added(&self, image: Weak<dyn DroppableLevels>, levels: &StoredLevels) {
         let (bytes, most) = (levels.bytes(), self.most.load(Ordering::Relaxed));
         let mut held = lock(&self.held);
         held.retain(|(old, _)| old.strong_count() > 0 && !Weak::ptr_eq(old, &image));

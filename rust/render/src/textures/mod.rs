@@ -3,9 +3,9 @@
 //! all textures of a
 //! snapshot (`set`).
 //!
-//! An image is cut into tiles (`oocpt_core::texture::Layout`); a tile is an asset and a unit of the planner, brought by
-//! the loader's threads as meshes are. Files that cannot give tiles of all levels at little cost are decoded once
-//! (`convert`) and kept (`prepared`), as tiled and mip-mapped files (`tx`) in a folder (`disk`) or in host memory
+//! An image is cut into tiles (`oocpt_core::texture::TileLayout`); a tile is an asset and a unit of the planner,
+//! brought by the loader's threads as meshes are. Files that cannot give tiles of all levels at little cost are decoded
+//! once (`convert`) and kept (`prepared`), as tiled and mip-mapped files (`tx`) in a folder (`disk`) or in host memory
 //! (`memory`). Nothing here touches the device. Textures that displace surfaces are read through the same cache
 //! (`heights`).
 
@@ -32,7 +32,7 @@ const PAUSES: [Duration; 3] = [Duration::from_millis(20), Duration::from_millis(
 
 pub use file::{CacheEntry, FileReport, TextureFile};
 pub(crate) use heights::HeightTextures;
-pub use image::{BAND_BYTES, ColorTransform, Image, ImageError, ImageInfo, ImageLibrary};
+pub use image::{BAND_BYTES, ColorTransform, ImageError, ImageInfo, ImageLibrary, SourceImage};
 pub(crate) use opacity_masks::OpacityMasks;
 pub(crate) use set::{TextureCache, TextureSet};
 pub(crate) use tiles::TextureImage;

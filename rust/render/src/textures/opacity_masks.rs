@@ -11,7 +11,7 @@ use super::set::TextureCache;
 use super::tiles::TextureImage;
 use oocpt_abi as abi;
 use oocpt_abi::{GpuTexture, MaterialFlags, MaterialInput, NAME_PTEX};
-use oocpt_core::material::{Input, Material};
+use oocpt_core::material::{InputValue, Material};
 use oocpt_core::scene::SurfaceTables;
 use oocpt_core::texture::{OpacityMask, OpacityMaskMaker, OpacityQuery, TextureRef, Wrap, mask_bytes};
 use rayon::prelude::*;
@@ -93,7 +93,7 @@ impl OpacityMasks {
 }
 
 /// A mask that a material wants.
-struct Wanted {
+struct WantedMask {
     key: MaskKey,
     query: OpacityQuery,
     image: Arc<TextureImage>,
@@ -104,13 +104,13 @@ struct Wanted {
 struct AllWanted {
     is_set: bool,
     /// By the number of the part, and 0 for one image.
-    parts: Vec<(usize, Wanted)>,
+    parts: Vec<(usize, WantedMask)>,
     /// There is another part, without a mask.
     lacks_part: bool,
 }
 
 /// Masks on their way into one array.
-struct Placing<'a> {
+struct MaskPlacer<'a> {
     masks: OpacityMasks,
     made: &'a MadeMasks,
     first_words: FxHashMap<MaskKey, Option<u32>>,
@@ -126,12 +126,12 @@ impl TextureCache {
         wanted.iter_mut().flat_map(|wanted| &mut wanted.parts).for_each(|(_, wanted)| wanted.key.2[2] = side);
         let all = || wanted.iter().flat_map(|wanted| &wanted.parts).map(|(_, wanted)| wanted);
         let mut made = std::mem::take(&mut self.masks);
-        let missing: FxHashMap<MaskKey, &Wanted> =
+        let missing: FxHashMap<MaskKey, &WantedMask> =
             all().filter(|w| !made.contains_key(&w.key)).map(|w| (w.key, w)).collect();
         let new: Vec<_> = missing.into_par_iter().map(|(key, wanted)| (key, make(wanted).map(Arc::new))).collect();
         made.extend(new);
         let (masks, first_words, sets) = (OpacityMasks::default(), FxHashMap::default(), FxHashMap::default());
-        let mut placing = Placing { masks, made: &made, first_words, sets };
+        let mut placing = MaskPlacer { masks, made: &made, first_words, sets };
         for (material, wanted) in surfaces.materials.iter().zip(&wanted) {
             placing.place(material, wanted, only_shaders(material, records));
         }
@@ -148,7 +148,7 @@ impl TextureCache {
         if !material.flags.contains(MaterialFlags::PRESENCE) {
             return none;
         }
-        let Input::Texture { texture, uv: Some(set), .. } = *material.input(MaterialInput::Opacity) else {
+        let InputValue::Texture { texture, uv: Some(set), .. } = *material.input(MaterialInput::Opacity) else {
             return none;
         };
         let has_set = material.uv_sets.get(usize::from(set)).is_some_and(|set| set.id != NAME_PTEX);
@@ -170,8 +170,10 @@ impl TextureCache {
     }
 
     /// What mask a material wants of an image.
-    fn wanted(&self, material: &Material, file: &TextureRef, member: u32, record: &GpuTexture) -> Option<Wanted> {
-        let Input::Texture { channel, scale, bias, .. } = *material.input(MaterialInput::Opacity) else { return None };
+    fn wanted(&self, material: &Material, file: &TextureRef, member: u32, record: &GpuTexture) -> Option<WantedMask> {
+        let InputValue::Texture { channel, scale, bias, .. } = *material.input(MaterialInput::Opacity) else {
+            return None;
+        };
         if record.levels == 0 || record.flags & abi::TEXTURE_PTEX != 0 {
             return None;
         }
@@ -188,7 +190,7 @@ impl TextureCache {
         let threshold = material.opacity_threshold;
         let query = OpacityQuery { wrap: modes.map(wrap_of), outside, scale, bias, threshold };
         let key = (image.id(), channel, [modes[0], modes[1], 0], [scale, bias, threshold, outside].map(f32::to_bits));
-        Some(Wanted { key, query, image })
+        Some(WantedMask { key, query, image })
     }
 }
 
@@ -202,7 +204,7 @@ fn longest_side(wanted: &[AllWanted]) -> u32 {
     fitting.unwrap_or(least).0
 }
 
-impl Placing<'_> {
+impl MaskPlacer<'_> {
     /// Adds what there is of a material's masks.
     fn place(&mut self, material: &Material, wanted: &AllWanted, only_shaders: Option<&'static str>) {
         let one = wanted.parts.first().filter(|_| !wanted.is_set).map(|(_, wanted)| wanted.key);
@@ -260,7 +262,7 @@ impl Placing<'_> {
 /// What of a material's opacity native traversal does not look up, in words: Ptex, and floats through the sRGB curve,
 /// which is the device's own function.
 fn only_shaders(material: &Material, records: &[GpuTexture]) -> Option<&'static str> {
-    let Input::Texture { texture, channel, .. } = *material.input(MaterialInput::Opacity) else { return None };
+    let InputValue::Texture { texture, channel, .. } = *material.input(MaterialInput::Opacity) else { return None };
     let record = records.get(texture as usize)?;
     if record.flags & abi::TEXTURE_PTEX != 0 {
         return Some("cutouts by Ptex");
@@ -286,8 +288,8 @@ fn wrap_of(mode: u32) -> Wrap {
     }
 }
 
-fn make(wanted: &Wanted) -> Option<OpacityMask> {
-    let Wanted { key: (_, channel, [_, _, side], _), query, image } = wanted;
+fn make(wanted: &WantedMask) -> Option<OpacityMask> {
+    let WantedMask { key: (_, channel, [_, _, side], _), query, image } = wanted;
     let mut maker = OpacityMaskMaker::new(image.layout(), query, *side)?;
     // Said first: all of it is wanted.
     image.expect(image.layout().first_tile(0));

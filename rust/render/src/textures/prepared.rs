@@ -7,37 +7,37 @@
 //! disk. If something finer is asked for later, the image is decoded a second time, and all of it is kept.
 
 use super::PAUSES;
-use super::convert::{Decoding, TileSink, convert};
+use super::convert::{ImageDecoding, TileSink, convert};
 use super::disk::DiskCache;
-use super::image::{ColorTransform, Image, ImageError, ImageInfo, ImageLibrary};
-use super::memory::{Droppable, Levels, MemoryStore};
+use super::image::{ColorTransform, ImageError, ImageInfo, ImageLibrary, SourceImage};
+use super::memory::{DroppableLevels, MemoryStore, StoredLevels};
 use super::ptex::{PtexSource, TexelConversion};
-use super::texels::Texels;
-use super::tx::{Description, TxFile};
+use super::texels::StoredTexels;
+use super::tx::{TxDescription, TxFile};
 use crate::sync::lock;
 use oocpt_core::again::again;
 use oocpt_core::scene::AssetRef;
-use oocpt_core::texture::Layout;
+use oocpt_core::texture::TileLayout;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, OnceLock, TryLockError, Weak};
 
 /// Where an image comes from. Opened when it is first needed: what is on disk needs no decoder.
 #[derive(Debug)]
-pub(crate) struct Origin {
+pub(crate) struct ImageOrigin {
     library: Arc<dyn ImageLibrary>,
     asset: AssetRef,
     /// A member of a set of files, or 0.
     member: u32,
-    open: OnceLock<Arc<dyn Image>>,
+    open: OnceLock<Arc<dyn SourceImage>>,
 }
 
-impl Origin {
+impl ImageOrigin {
     pub(super) fn new(library: &Arc<dyn ImageLibrary>, asset: &AssetRef, member: u32) -> Self {
         Self { library: Arc::clone(library), asset: asset.clone(), member, open: OnceLock::new() }
     }
 
     /// The open image; `None` for a member of a set that does not exist.
-    pub(super) fn open(&self) -> Result<Option<Arc<dyn Image>>, ImageError> {
+    pub(super) fn open(&self) -> Result<Option<Arc<dyn SourceImage>>, ImageError> {
         if let Some(image) = self.open.get() {
             return Ok(Some(Arc::clone(image)));
         }
@@ -54,20 +54,20 @@ impl Origin {
 
 /// What is decoded.
 #[derive(Debug)]
-pub(super) enum Source {
+pub(super) enum TexelSource {
     /// An image, through its library.
-    Image(Origin),
+    Image(ImageOrigin),
     /// A Ptex file; its texels are those of an image of one level.
     Ptex(Arc<dyn ImageLibrary>, Box<PtexSource>),
 }
 
 /// A source that is open.
-enum Opened<'a> {
-    Image(Arc<dyn Image>),
+enum OpenedSource<'a> {
+    Image(Arc<dyn SourceImage>),
     Ptex(&'a PtexSource),
 }
 
-impl Source {
+impl TexelSource {
     fn color_transform(&self, name: &str) -> Result<Arc<dyn ColorTransform>, ImageError> {
         match self {
             Self::Image(origin) => origin.library.color_transform(name),
@@ -78,12 +78,12 @@ impl Source {
 
 /// The levels that are there.
 #[derive(Debug)]
-enum Held {
+enum HeldLevels {
     Disk(TxFile),
-    Memory(Levels),
+    Memory(StoredLevels),
 }
 
-impl Held {
+impl HeldLevels {
     fn first_level(&self) -> u32 {
         match self {
             Self::Disk(file) => file.description().first_level,
@@ -100,47 +100,47 @@ impl Held {
 }
 
 #[derive(Debug, Default)]
-struct State {
-    held: Option<Arc<Held>>,
+struct PreparedState {
+    held: Option<Arc<HeldLevels>>,
     failed: Option<ImageError>,
 }
 
 /// See the module.
 #[derive(Debug)]
-pub(super) struct Prepared {
-    source: Source,
+pub(super) struct PreparedImage {
+    source: TexelSource,
     /// As it is stored.
     info: ImageInfo,
     /// The colour space that it is converted from.
     transform: Option<Arc<str>>,
-    layout: Layout,
-    texels: Arc<Texels>,
+    layout: TileLayout,
+    texels: Arc<StoredTexels>,
     /// Its key in the cache on disk; none where there is no cache, or nothing that tells the file from others.
     disk: Option<(Arc<DiskCache>, String)>,
     memory: Arc<MemoryStore>,
-    state: Mutex<State>,
+    state: Mutex<PreparedState>,
     /// The finest level that was ever asked for.
     finest: AtomicU32,
     this: Weak<Self>,
 }
 
-/// What a [`Prepared`] is made from.
-pub(super) struct Making {
-    pub(super) source: Source,
+/// What a [`PreparedImage`] is made from.
+pub(super) struct PreparedParts {
+    pub(super) source: TexelSource,
     pub(super) info: ImageInfo,
     pub(super) transform: Option<Arc<str>>,
-    pub(super) layout: Layout,
-    pub(super) texels: Arc<Texels>,
+    pub(super) layout: TileLayout,
+    pub(super) texels: Arc<StoredTexels>,
     pub(super) disk: Option<(Arc<DiskCache>, String)>,
     pub(super) memory: Arc<MemoryStore>,
     /// What is on disk already.
     pub(super) entry: Option<TxFile>,
 }
 
-impl Prepared {
-    pub(super) fn new(making: Making) -> Arc<Self> {
-        let Making { source, info, transform, layout, texels, disk, memory, entry } = making;
-        let held = entry.map(|file| Arc::new(Held::Disk(file)));
+impl PreparedImage {
+    pub(super) fn new(making: PreparedParts) -> Arc<Self> {
+        let PreparedParts { source, info, transform, layout, texels, disk, memory, entry } = making;
+        let held = entry.map(|file| Arc::new(HeldLevels::Disk(file)));
         Arc::new_cyclic(|this| Self {
             source,
             info,
@@ -149,7 +149,7 @@ impl Prepared {
             texels,
             disk,
             memory,
-            state: Mutex::new(State { held, ..State::default() }),
+            state: Mutex::new(PreparedState { held, ..PreparedState::default() }),
             finest: AtomicU32::new(u32::MAX),
             this: Weak::clone(this),
         })
@@ -165,14 +165,14 @@ impl Prepared {
         self.expect(level);
         let held = self.held(level)?;
         let result = held.read(level, at, size, out);
-        let (Err(error), Held::Disk(_)) = (&result, &*held) else { return result };
+        let (Err(error), HeldLevels::Disk(_)) = (&result, &*held) else { return result };
         tracing::debug!(%error, "an entry of the texture cache is damaged");
         self.forget(&held);
         self.held(level)?.read(level, at, size, out)
     }
 
     /// Lets go of a damaged entry.
-    fn forget(&self, damaged: &Arc<Held>) {
+    fn forget(&self, damaged: &Arc<HeldLevels>) {
         let mut state = lock(&self.state);
         if state.held.as_ref().is_some_and(|held| Arc::ptr_eq(held, damaged)) {
             state.held = None;
@@ -183,7 +183,7 @@ impl Prepared {
     }
 
     /// What has `level`; who asks while it is made waits.
-    fn held(&self, level: u32) -> Result<Arc<Held>, ImageError> {
+    fn held(&self, level: u32) -> Result<Arc<HeldLevels>, ImageError> {
         let mut state = lock(&self.state);
         if let Some(error) = &state.failed {
             return Err(error.clone());
@@ -201,8 +201,8 @@ impl Prepared {
                 let held = Arc::new(held);
                 state.held = Some(Arc::clone(&held));
                 drop(state);
-                if let Held::Memory(levels) = &*held {
-                    let this: Weak<dyn Droppable> = self.this.clone();
+                if let HeldLevels::Memory(levels) = &*held {
+                    let this: Weak<dyn DroppableLevels> = self.this.clone();
                     self.memory.added(this, levels);
                 }
                 Ok(held)
@@ -214,14 +214,16 @@ impl Prepared {
         }
     }
 
-    fn make(&self, first: u32) -> Result<Held, ImageError> {
+    fn make(&self, first: u32) -> Result<HeldLevels, ImageError> {
         let opened = match &self.source {
-            Source::Image(origin) => Opened::Image(origin.open()?.ok_or_else(|| ImageError("is gone".into()))?),
-            Source::Ptex(_, ptex) => Opened::Ptex(ptex),
+            TexelSource::Image(origin) => {
+                OpenedSource::Image(origin.open()?.ok_or_else(|| ImageError("is gone".into()))?)
+            }
+            TexelSource::Ptex(_, ptex) => OpenedSource::Ptex(ptex),
         };
         let info = match &opened {
-            Opened::Image(image) => image.info(),
-            Opened::Ptex(ptex) => ptex.info().clone(),
+            OpenedSource::Image(image) => image.info(),
+            OpenedSource::Ptex(ptex) => ptex.info().clone(),
         };
         let is_same = info.levels.first() == self.info.levels.first()
             && info.channels == self.info.channels
@@ -232,41 +234,41 @@ impl Prepared {
         let transform = match &self.transform {
             Some(name) => {
                 // The curve of a named space is the conversion's affair.
-                let from = Texels::new(&ImageInfo { is_srgb: None, ..info }, false);
+                let from = StoredTexels::new(&ImageInfo { is_srgb: None, ..info }, false);
                 Some((from, self.source.color_transform(name)?))
             }
             None => None,
         };
         let transform = transform.as_ref().map(|(from, transform)| (from, &**transform));
         let convert = |sink: &mut dyn TileSink| match &opened {
-            Opened::Image(image) => {
+            OpenedSource::Image(image) => {
                 let (texels, layout) = (&*self.texels, &self.layout);
-                convert(&Decoding { image: &**image, texels, transform, layout, first }, sink)
+                convert(&ImageDecoding { image: &**image, texels, transform, layout, first }, sink)
             }
-            Opened::Ptex(ptex) => {
+            OpenedSource::Ptex(ptex) => {
                 let from = transform.map_or(&*self.texels, |(from, _)| from);
                 let transform = transform.map(|(_, transform)| transform);
                 ptex.convert(TexelConversion { from, to: &self.texels, transform }, sink)
             }
         };
         if let Some((disk, key)) = &self.disk
-            && let Some(mut pending) = disk.begin(Description::new(key, &self.info, self.layout.is_flat(), first))
+            && let Some(mut pending) = disk.begin(TxDescription::new(key, &self.info, self.layout.is_flat(), first))
         {
             let decoded = convert(&mut pending);
             match decoded.map(|()| pending.commit()) {
-                Ok(Some(entry)) => return Ok(Held::Disk(entry)),
+                Ok(Some(entry)) => return Ok(HeldLevels::Disk(entry)),
                 Ok(None) => {}
                 Err(error) if !disk.has_failed() => return Err(error),
                 Err(_disk) => {}
             }
         }
-        let mut levels = Levels::new(&self.layout, self.texels.file_bytes(), first);
+        let mut levels = StoredLevels::new(&self.layout, self.texels.file_bytes(), first);
         convert(&mut levels)?;
-        Ok(Held::Memory(levels))
+        Ok(HeldLevels::Memory(levels))
     }
 }
 
-impl Droppable for Prepared {
+impl DroppableLevels for PreparedImage {
     fn drop_levels(&self) -> bool {
         match self.state.try_lock() {
             Ok(mut state) => state.held = None,

@@ -8,7 +8,7 @@
 use super::disk::DiskCache;
 use super::image::{ImageError, ImageLibrary};
 use super::opacity_masks::MadeMasks;
-use super::tiles::{Stores, TextureImage, Wanted};
+use super::tiles::{ImageStores, TextureImage, WantedImage};
 use crate::host_memory;
 use oocpt_abi as abi;
 use oocpt_abi::GpuTexture;
@@ -86,8 +86,8 @@ impl TextureSet {
 /// Images that are open.
 #[derive(Debug, Default)]
 pub(crate) struct TextureCache {
-    open: FxHashMap<ImageKey, Opened>,
-    stores: Stores,
+    open: FxHashMap<ImageKey, OpenedMember>,
+    stores: ImageStores,
     /// The settings that `stores` is made from.
     folder: Option<(String, u32)>,
     set: Arc<TextureSet>,
@@ -97,7 +97,7 @@ pub(crate) struct TextureCache {
 }
 
 /// `None`: a member of a set that does not exist.
-type Opened = Result<Option<Arc<TextureImage>>, ImageError>;
+type OpenedMember = Result<Option<Arc<TextureImage>>, ImageError>;
 
 impl TextureCache {
     /// Keeps decoded images where the settings say, from now on.
@@ -116,9 +116,9 @@ impl TextureCache {
             self.open_all(library, textures);
             let disk = self.stores.disk.clone();
             let set = TextureSet { firsts: vec![0], disk, ..TextureSet::default() };
-            let mut making = Making { open: &self.open, set, numbers: FxHashMap::default() };
+            let mut making = SetBuilder { open: &self.open, set, numbers: FxHashMap::default() };
             making.all(textures);
-            let Making { set, numbers, .. } = making;
+            let SetBuilder { set, numbers, .. } = making;
             self.open.retain(|key, _| numbers.contains_key(key));
             self.set = Arc::new(set);
             self.textures = textures.to_vec();
@@ -140,7 +140,7 @@ impl TextureCache {
             .filter(|(key, _)| !self.open.contains_key(key) && asked.insert(key.clone()))
             .collect();
         let stores = &self.stores;
-        let opened: Vec<(ImageKey, Opened)> = missing
+        let opened: Vec<(ImageKey, OpenedMember)> = missing
             .into_par_iter()
             .map(|(key, texture)| {
                 let image = open(library, texture, key.1, stores);
@@ -164,8 +164,8 @@ pub(super) fn open(
     library: Option<&Arc<dyn ImageLibrary>>,
     texture: &TextureRef,
     member: u32,
-    stores: &Stores,
-) -> Opened {
+    stores: &ImageStores,
+) -> OpenedMember {
     let Some(library) = library else { return Err(ImageError("nobody here can open images".into())) };
     let asset = &texture.asset;
     if asset.resolved.is_empty() {
@@ -176,7 +176,7 @@ pub(super) fn open(
         0 => asset.clone(),
         _ => AssetRef { authored: name(&asset.authored), resolved: name(&asset.resolved) },
     };
-    let wanted = Wanted {
+    let wanted = WantedImage {
         name: &named(texture),
         library,
         asset,
@@ -188,14 +188,14 @@ pub(super) fn open(
     Ok(TextureImage::open(&wanted, stores)?.map(Arc::new))
 }
 
-struct Making<'a> {
-    open: &'a FxHashMap<ImageKey, Opened>,
+struct SetBuilder<'a> {
+    open: &'a FxHashMap<ImageKey, OpenedMember>,
     set: TextureSet,
     /// Numbers of the images in the set.
     numbers: FxHashMap<ImageKey, Option<usize>>,
 }
 
-impl Making<'_> {
+impl SetBuilder<'_> {
     fn all(&mut self, textures: &[TextureRef]) {
         let mut members = Vec::new();
         for texture in textures {

@@ -14,7 +14,7 @@ const STEPS: usize = 4096;
 
 /// See the module.
 #[derive(Debug)]
-pub(super) struct Texels {
+pub(super) struct StoredTexels {
     /// 1 to 4.
     channels: usize,
     format: TexelFormat,
@@ -28,7 +28,7 @@ pub(super) struct Texels {
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "tables of values between 0 and 1")]
-impl Texels {
+impl StoredTexels {
     pub(super) fn new(info: &ImageInfo, is_srgb: bool) -> Self {
         let value = |byte: f64| if is_srgb { linear_from_srgb(byte / 255.0) } else { byte / 255.0 };
         let mut decoded = [0.0; 256];
@@ -115,8 +115,8 @@ impl Texels {
         }
     }
 
-    /// The mean of each 2 x 2 texels of two rows of bytes: the bits that [`Self::decode`] and `Pyramid` give one after
-    /// the other, since factors of 1/2 are exact. For bytes only.
+    /// The mean of each 2 x 2 texels of two rows of bytes: the bits that [`Self::decode`] and `TexturePyramid` give one
+    /// after the other, since factors of 1/2 are exact. For bytes only.
     pub(super) fn halve(&self, upper: &[u8], lower: &[u8], out: &mut Vec<f32>) {
         let unit: [f32; 256] = std::array::from_fn(|byte| byte as f32 / 255.0);
         let tables: [&[f32; 256]; 4] =
@@ -226,10 +226,10 @@ fn unit_byte(value: f32) -> u8 {
 mod tests {
     use super::*;
 
-    fn texels(channels: u32, format: TexelFormat, is_srgb: bool) -> Texels {
+    fn texels(channels: u32, format: TexelFormat, is_srgb: bool) -> StoredTexels {
         let info =
             ImageInfo { levels: vec![[1, 1]], channels, format, tile_friendly: false, is_srgb: None, wrap: None };
-        Texels::new(&info, is_srgb)
+        StoredTexels::new(&info, is_srgb)
     }
 
     #[test]

@@ -3,32 +3,32 @@
 
 use super::PAUSES;
 use super::disk::DiskCache;
-use super::image::{Image, ImageError, ImageInfo, ImageLibrary};
+use super::image::{ImageError, ImageInfo, ImageLibrary, SourceImage};
 use super::memory::MemoryStore;
-use super::prepared::{Making, Origin, Prepared, Source};
+use super::prepared::{ImageOrigin, PreparedImage, PreparedParts, TexelSource};
 use super::ptex::PtexSource;
-use super::texels::Texels;
+use super::texels::StoredTexels;
 use crate::sync::lock;
 use oocpt_abi::TILE_SIDE;
 use oocpt_core::again::again;
 use oocpt_core::scene::AssetRef;
-use oocpt_core::texture::{ColorSpace, FaceLayout, Layout, Piece, TexelFormat, is_srgb};
+use oocpt_core::texture::{ColorSpace, FaceLayout, TexelFormat, TileLayout, TilePiece, is_srgb};
 use rustc_hash::FxHashSet;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 
 /// Where texels come from.
 #[derive(Debug)]
-enum Pixels {
+enum PixelSource {
     /// A tiled file that has all levels: read as it is.
-    File(Arc<dyn Image>),
+    File(Arc<dyn SourceImage>),
     /// Any other.
-    Prepared(Arc<Prepared>),
+    Prepared(Arc<PreparedImage>),
 }
 
 /// Where images are kept.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Stores {
+pub(crate) struct ImageStores {
     pub(super) disk: Option<Arc<DiskCache>>,
     pub(super) memory: Arc<MemoryStore>,
 }
@@ -39,12 +39,12 @@ pub(crate) struct TextureImage {
     /// Different for every image that was ever opened.
     id: u64,
     name: Arc<str>,
-    pixels: Pixels,
+    pixels: PixelSource,
     info: ImageInfo,
-    layout: Layout,
+    layout: TileLayout,
     /// Of Ptex: where the texels of faces are.
     faces: Option<Arc<FaceLayout>>,
-    texels: Arc<Texels>,
+    texels: Arc<StoredTexels>,
     /// What is not as the scene asks.
     warning: Option<String>,
     complaint: Mutex<Option<String>>,
@@ -54,7 +54,7 @@ pub(crate) struct TextureImage {
 
 /// Which image to open.
 #[derive(Debug)]
-pub(super) struct Wanted<'a> {
+pub(super) struct WantedImage<'a> {
     /// For messages.
     pub(super) name: &'a Arc<str>,
     pub(super) library: &'a Arc<dyn ImageLibrary>,
@@ -68,7 +68,7 @@ pub(super) struct Wanted<'a> {
     pub(super) is_ptex: bool,
 }
 
-impl Wanted<'_> {
+impl WantedImage<'_> {
     /// The key in the cache on disk of the file, read as of a colour space; none where nothing tells the file from
     /// others.
     pub(super) fn key(&self, disk: Option<&Arc<DiskCache>>, space: &ColorSpace) -> Option<(Arc<DiskCache>, String)> {
@@ -86,11 +86,11 @@ impl Wanted<'_> {
 
 impl TextureImage {
     /// Opens an image; `None` for a member of a set that does not exist. What is in the cache on disk is not decoded.
-    pub(super) fn open(wanted: &Wanted<'_>, stores: &Stores) -> Result<Option<Self>, ImageError> {
+    pub(super) fn open(wanted: &WantedImage<'_>, stores: &ImageStores) -> Result<Option<Self>, ImageError> {
         if wanted.is_ptex {
             return Self::open_ptex(wanted, stores).map(Some);
         }
-        let origin = Origin::new(wanted.library, wanted.asset, wanted.member);
+        let origin = ImageOrigin::new(wanted.library, wanted.asset, wanted.member);
         let mut space = wanted.color_space.clone();
         let mut warning = None;
         let mut key = wanted.key(stores.disk.as_ref(), &space);
@@ -116,15 +116,15 @@ impl TextureImage {
             return Err(ImageError(format!("{} channels are not supported (1 to 4)", info.channels)));
         }
         let is_srgb = is_srgb(&space, info.is_srgb, info.format, info.channels);
-        let texels = Arc::new(Texels::new(&info, is_srgb));
+        let texels = Arc::new(StoredTexels::new(&info, is_srgb));
         let bytes = u32::try_from(texels.device_bytes()).unwrap_or(0);
-        let layout = Layout::new(size, bytes).map_err(|error| ImageError(error.to_string()))?;
+        let layout = TileLayout::new(size, bytes).map_err(|error| ImageError(error.to_string()))?;
         let has_all = (0..layout.levels()).all(|l| info.levels.get(l as usize) == Some(&layout.level_size(l)));
         let transform = name_of(space);
         let pixels = match image {
-            Some(image) if info.tile_friendly && has_all && transform.is_none() => Pixels::File(image),
-            _ => Pixels::Prepared(Prepared::new(Making {
-                source: Source::Image(origin),
+            Some(image) if info.tile_friendly && has_all && transform.is_none() => PixelSource::File(image),
+            _ => PixelSource::Prepared(PreparedImage::new(PreparedParts {
+                source: TexelSource::Image(origin),
                 info: info.clone(),
                 transform,
                 layout,
@@ -149,7 +149,7 @@ impl TextureImage {
     }
 
     /// Opens a Ptex file. Its table of faces is read even where its texels are in the cache: it says where they are.
-    fn open_ptex(wanted: &Wanted<'_>, stores: &Stores) -> Result<Self, ImageError> {
+    fn open_ptex(wanted: &WantedImage<'_>, stores: &ImageStores) -> Result<Self, ImageError> {
         let source = PtexSource::open(wanted.library.bytes(wanted.file)?)?;
         let mut space = wanted.color_space.clone();
         let mut warning = None;
@@ -161,16 +161,16 @@ impl TextureImage {
         }
         let info = stored_as(source.info().clone(), &space);
         let is_srgb = is_srgb(&space, info.is_srgb, info.format, info.channels);
-        let texels = Arc::new(Texels::new(&info, is_srgb));
+        let texels = Arc::new(StoredTexels::new(&info, is_srgb));
         let bytes = u32::try_from(texels.device_bytes()).unwrap_or(0);
-        let layout = Layout::of_rows(source.layout().texels(), bytes).map_err(|e| ImageError(e.to_string()))?;
+        let layout = TileLayout::of_rows(source.layout().texels(), bytes).map_err(|e| ImageError(e.to_string()))?;
         let key = wanted.key(stores.disk.as_ref(), &space);
         let entry = key.as_ref().and_then(|(disk, key)| disk.find(key));
         let entry = entry.filter(|entry| entry.description().info().levels.first() == Some(&layout.size()));
         let transform = name_of(space);
         let faces = Some(Arc::clone(source.layout()));
-        let pixels = Pixels::Prepared(Prepared::new(Making {
-            source: Source::Ptex(Arc::clone(wanted.library), Box::new(source)),
+        let pixels = PixelSource::Prepared(PreparedImage::new(PreparedParts {
+            source: TexelSource::Ptex(Arc::clone(wanted.library), Box::new(source)),
             info: info.clone(),
             transform,
             layout,
@@ -204,7 +204,7 @@ impl TextureImage {
     }
 
     /// How it is cut.
-    pub(crate) fn layout(&self) -> &Layout {
+    pub(crate) fn layout(&self) -> &TileLayout {
         &self.layout
     }
 
@@ -225,7 +225,7 @@ impl TextureImage {
 
     /// Whether tiles are read from the file as it is.
     pub(super) fn is_direct(&self) -> bool {
-        matches!(self.pixels, Pixels::File(_))
+        matches!(self.pixels, PixelSource::File(_))
     }
 
     /// What is not as the scene asks.
@@ -246,7 +246,7 @@ impl TextureImage {
     /// Says that a tile will be read. Said of all tiles that are wanted before the first is read, one decoding serves
     /// them.
     pub(crate) fn expect(&self, tile: u32) {
-        let Pixels::Prepared(prepared) = &self.pixels else { return };
+        let PixelSource::Prepared(prepared) = &self.pixels else { return };
         if let Some(piece) = self.layout.pieces(tile).first() {
             prepared.expect(piece.level);
         }
@@ -282,11 +282,11 @@ impl TextureImage {
         self.piece(&piece, &mut Vec::new(), &mut vec![0; bytes])
     }
 
-    fn piece(&self, piece: &Piece, raw: &mut Vec<u8>, out: &mut [u8]) -> Result<(), ImageError> {
-        let Piece { level, at, size, .. } = *piece;
+    fn piece(&self, piece: &TilePiece, raw: &mut Vec<u8>, out: &mut [u8]) -> Result<(), ImageError> {
+        let TilePiece { level, at, size, .. } = *piece;
         let read = |out: &mut [u8]| match &self.pixels {
-            Pixels::File(image) => image.read(level, at, size, out),
-            Pixels::Prepared(prepared) => prepared.read(level, at, size, out),
+            PixelSource::File(image) => image.read(level, at, size, out),
+            PixelSource::Prepared(prepared) => prepared.read(level, at, size, out),
         };
         if self.texels.file_bytes() == self.texels.device_bytes() {
             return read(out);
@@ -300,7 +300,7 @@ impl TextureImage {
 }
 
 /// All levels of a texture's image, for whoever looks at texels on the host: nothing is decoded for it a second time.
-impl Image for TextureImage {
+impl SourceImage for TextureImage {
     fn info(&self) -> ImageInfo {
         let levels = (0..self.layout.levels()).map(|level| self.layout.level_size(level)).collect();
         ImageInfo { levels, tile_friendly: true, ..self.info.clone() }
@@ -308,8 +308,8 @@ impl Image for TextureImage {
 
     fn read(&self, level: u32, at: [u32; 2], size: [u32; 2], out: &mut [u8]) -> Result<(), ImageError> {
         let prepared = match &self.pixels {
-            Pixels::File(image) => return image.read(level, at, size, out),
-            Pixels::Prepared(prepared) => prepared,
+            PixelSource::File(image) => return image.read(level, at, size, out),
+            PixelSource::Prepared(prepared) => prepared,
         };
         let texel = self.texels.file_bytes();
         let whole = self.layout.level_size(level);

@@ -2,9 +2,9 @@
 //! Passes of scenes in core, compiled while passes that stream trace: a picture that leaves streaming would wait for
 //! them otherwise (decisions/0050).
 
-use super::Backend;
+use super::TraversalBackend;
 use super::passes::wanted;
-use crate::device::{Device, Specialisation};
+use crate::device::{Device, PassSpecialisation};
 use crate::film::Film;
 use crate::sync::lock;
 use oocpt_shaders::PassInfo;
@@ -17,9 +17,9 @@ const THREADS: usize = 3;
 
 /// Tells whether threads compile still, whoever keeps it.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Pending(Weak<Mutex<std::vec::IntoIter<&'static PassInfo>>>);
+pub(crate) struct PendingCompiles(Weak<Mutex<std::vec::IntoIter<&'static PassInfo>>>);
 
-impl Pending {
+impl PendingCompiles {
     /// Whether all threads are done.
     pub(crate) fn is_over(&self) -> bool {
         self.0.strong_count() == 0
@@ -30,16 +30,21 @@ impl Pending {
 /// driver when the process ends.
 #[derive(Debug, Default)]
 pub(crate) struct BackgroundCompile {
-    special: Option<Specialisation>,
+    special: Option<PassSpecialisation>,
     passes: u32,
     threads: Vec<JoinHandle<()>>,
-    pending: Pending,
+    pending: PendingCompiles,
 }
 
 impl BackgroundCompile {
     /// Begins to compile what a frame of this kind needs; not while others are under way. What cannot be compiled is
     /// told when the frame asks for it.
-    pub(crate) fn begin(&mut self, device: &Arc<Device>, (special, backend): (Specialisation, Backend), film: &Film) {
+    pub(crate) fn begin(
+        &mut self,
+        device: &Arc<Device>,
+        (special, backend): (PassSpecialisation, TraversalBackend),
+        film: &Film,
+    ) {
         if self.special == Some(special) || !self.pending.is_over() {
             return;
         }
@@ -47,7 +52,7 @@ impl BackgroundCompile {
         let passes = wanted((special, backend), film);
         (self.special, self.passes) = (Some(special), u32::try_from(passes.len()).unwrap_or(u32::MAX));
         let passes = Arc::new(Mutex::new(passes.into_iter()));
-        self.pending = Pending(Arc::downgrade(&passes));
+        self.pending = PendingCompiles(Arc::downgrade(&passes));
         for _ in 0..THREADS {
             let (device, passes) = (Arc::clone(device), Arc::clone(&passes));
             let compile = move || {
@@ -67,15 +72,16 @@ impl BackgroundCompile {
     }
 
     /// Tells when they are there.
-    pub(crate) fn pending(&self) -> Pending {
+    pub(crate) fn pending(&self) -> PendingCompiles {
         self.pending.clone()
     }
 
     /// Waits for passes that serve a frame of this kind; gives the size of their stacks, which may be larger, and how
     /// many they are.
-    pub(crate) fn serves(&mut self, special: Specialisation) -> Option<(u32, u32)> {
+    pub(crate) fn serves(&mut self, special: PassSpecialisation) -> Option<(u32, u32)> {
         let have = self.special.filter(|have| {
-            have.stack_size >= special.stack_size && *have == Specialisation { stack_size: have.stack_size, ..special }
+            have.stack_size >= special.stack_size
+                && *have == PassSpecialisation { stack_size: have.stack_size, ..special }
         })?;
         self.wait();
         Some((have.stack_size, self.passes))

@@ -9,8 +9,8 @@ mod passes;
 mod paths;
 mod record;
 
-pub(crate) use ahead::{BackgroundCompile, Pending};
-pub(crate) use native::{Backend, Native};
-pub(crate) use passes::Passes;
+pub(crate) use ahead::{BackgroundCompile, PendingCompiles};
+pub(crate) use native::{NativeTraversal, TraversalBackend};
+pub(crate) use passes::WavefrontPasses;
 pub(crate) use paths::{PathBuffers, PathNeeds};
-pub(crate) use record::{Kind, Recorder, Traced};
+pub(crate) use record::{PathKind, TracedRays, WavefrontRecorder};

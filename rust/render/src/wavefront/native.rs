@@ -2,32 +2,32 @@
 //! Which backend walks the rays of a frame, and native traversal between two parts of a submission. Render thread only.
 
 use crate::assets::SceneView;
-use crate::device::{Device, Specialisation, WAVE_TIMEOUT};
+use crate::device::{Device, PassSpecialisation, WAVE_TIMEOUT};
 use crate::error::RenderError;
-use oocpt_abi::{Features, Push};
+use oocpt_abi::{Features, PushConstants};
 use oocpt_core::inventory::TraversalUse;
 use oocpt_core::settings::TraversalKind;
-use oocpt_gpu::{Buffer, Commands, Gpu, GpuError};
+use oocpt_gpu::{Buffer, CommandList, Gpu, GpuError};
 use oocpt_shaders::Pass;
-use oocpt_traverse::{Instructions, Special, TraceError};
+use oocpt_traverse::{InstructionSet, TraceError, TraversalConstants};
 use std::sync::Arc;
 
-use super::Traced;
+use super::TracedRays;
 
 /// Who walks the rays, and why.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Backend {
+pub(crate) struct TraversalBackend {
     pub(crate) is_native: bool,
     why: &'static str,
     geometry_bytes: u64,
 }
 
-impl Backend {
+impl TraversalBackend {
     /// What `wanted` asks for and this device, these features and the scene allow.
     pub(crate) fn choose(
         wanted: TraversalKind,
         device: &Device,
-        special: &Specialisation,
+        special: &PassSpecialisation,
         view: &SceneView,
     ) -> Result<Self, RenderError> {
         let geometry_bytes = view.geometry_bytes;
@@ -77,38 +77,38 @@ impl Backend {
 
 /// Native traversal of a frame.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Native<'a> {
+pub(crate) struct NativeTraversal<'a> {
     gpu: &'a Arc<Gpu>,
     /// Buffers that the trace passes write.
     written: &'a [&'a Buffer],
-    special: Special,
+    special: TraversalConstants,
 }
 
-impl<'a> Native<'a> {
+impl<'a> NativeTraversal<'a> {
     pub(crate) fn new(
         gpu: &'a Arc<Gpu>,
         written: &'a [&'a Buffer],
-        special: &Specialisation,
-        backend: Backend,
+        special: &PassSpecialisation,
+        backend: TraversalBackend,
     ) -> Self {
-        let Specialisation { max_levels, stack_size, features, .. } = *special;
+        let PassSpecialisation { max_levels, stack_size, features, .. } = *special;
         let geometry_bytes = backend.geometry_bytes;
-        let instructions = Instructions::Widest;
-        let special = Special { max_levels, stack_size, features, geometry_bytes, instructions };
+        let instructions = InstructionSet::Widest;
+        let special = TraversalConstants { max_levels, stack_size, features, geometry_bytes, instructions };
         Self { gpu, written, special }
     }
 
     /// Traces the rays of the round that `push` names.
-    pub(crate) fn trace(&self, commands: &mut Commands, push: Push, traced: Traced) {
-        if traced != Traced::Shadow {
+    pub(crate) fn trace(&self, commands: &mut CommandList, push: PushConstants, traced: TracedRays) {
+        if traced != TracedRays::Shadow {
             self.pass(commands, Pass::IntersectClosest, push, oocpt_traverse::closest);
         }
-        if traced != Traced::Closest {
+        if traced != TracedRays::Closest {
             self.pass(commands, Pass::IntersectShadow, push, oocpt_traverse::shadow);
         }
     }
 
-    fn pass(&self, commands: &mut Commands, pass: Pass, push: Push, trace: Trace) {
+    fn pass(&self, commands: &mut CommandList, pass: Pass, push: PushConstants, trace: TraceFunction) {
         let name = pass.info().module.name;
         let failed =
             |error: &dyn std::fmt::Display| GpuError::Usage { name: name.to_owned(), message: error.to_string() };
@@ -119,4 +119,4 @@ impl<'a> Native<'a> {
     }
 }
 
-type Trace = fn(&oocpt_gpu::HostView, Push, Special) -> Result<(), TraceError>;
+type TraceFunction = fn(&oocpt_gpu::HostView, PushConstants, TraversalConstants) -> Result<(), TraceError>;

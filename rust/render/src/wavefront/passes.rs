@@ -2,28 +2,31 @@
 //! The pipelines of a frame: those rows of `oocpt_shaders::PASSES` whose conditions hold, compiled for one
 //! specialisation. Render thread only.
 
-use super::Backend;
-use crate::device::{Device, Specialisation};
+use super::TraversalBackend;
+use crate::device::{Device, PassSpecialisation};
 use crate::error::RenderError;
 use crate::film::Film;
-use crate::timings::Timings;
+use crate::timings::RenderTimings;
 use oocpt_gpu::Pipeline;
-use oocpt_shaders::{Image, PASSES, Pass, PassInfo};
+use oocpt_shaders::{PASSES, Pass, PassImage, PassInfo};
 use std::sync::Arc;
 use std::time::Instant;
 
 /// See the module.
 #[derive(Debug)]
-pub(crate) struct Passes {
+pub(crate) struct WavefrontPasses {
     /// By pass; none where a condition does not hold.
     pipelines: [Option<Arc<Pipeline>>; PASSES.len()],
 }
 
 /// The passes that a frame needs. The longest come first: `shade_surface` takes as long as all others together.
-pub(super) fn wanted((special, backend): (Specialisation, Backend), film: &Film) -> Vec<&'static PassInfo> {
+pub(super) fn wanted(
+    (special, backend): (PassSpecialisation, TraversalBackend),
+    film: &Film,
+) -> Vec<&'static PassInfo> {
     let wants = |image| match image {
-        Image::PixelCentres => film.has_planes(),
-        Image::SampleCount => film.has_counts(),
+        PassImage::PixelCentres => film.has_planes(),
+        PassImage::SampleCount => film.has_counts(),
     };
     let needed = |row: &&PassInfo| row.when.holds(special.features, wants) && backend.has(row.pass);
     let mut wanted: Vec<&PassInfo> = PASSES.iter().filter(needed).collect();
@@ -31,14 +34,14 @@ pub(super) fn wanted((special, backend): (Specialisation, Backend), film: &Film)
     wanted
 }
 
-impl Passes {
+impl WavefrontPasses {
     /// Compiles what is not compiled yet, on all threads, and has each translated as soon as it is there (see
     /// [`Device::translate`]).
     pub(crate) fn new(
         device: &Device,
-        (special, backend): (Specialisation, Backend),
+        (special, backend): (PassSpecialisation, TraversalBackend),
         film: &Film,
-        timings: &mut Timings,
+        timings: &mut RenderTimings,
     ) -> Result<Self, RenderError> {
         let started = Instant::now();
         let wanted = wanted((special, backend), film);

@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The arrays and queues that paths live in, in core and streaming alike: one entry for each path in flight.
 //!
-//! [`Array`] lists them: what is made, what is counted ahead and what the inventory says come from it.
+//! [`PathArray`] lists them: what is made, what is counted ahead and what the inventory says come from it.
 
-use oocpt_abi::{Counters, Frame, LIGHT_PATH_BYTES, MAX_LEVELS, PathState, Ray, ShadowRay, hit_stride};
-use oocpt_core::inventory::Inventory;
-use oocpt_gpu::{Buffer, Gpu, GpuError, Usage};
+use oocpt_abi::{
+    FrameConstants, LIGHT_PATH_BYTES, MAX_LEVELS, PathState, Ray, ShadowRay, WavefrontCounters, hit_stride,
+};
+use oocpt_core::inventory::RenderInventory;
+use oocpt_gpu::{Buffer, BufferUsage, Gpu, GpuError};
 use std::sync::Arc;
 
 /// Bytes of a ray's cone.
@@ -32,7 +34,7 @@ pub(crate) struct PathNeeds {
 impl PathNeeds {
     /// Bytes of device memory for `capacity` paths of scenes of so many instance levels; of the counters there is one.
     pub(crate) fn bytes(self, capacity: u32, max_levels: u32) -> u64 {
-        let arrays = Array::ALL.into_iter().filter(|array| array.is_needed(self));
+        let arrays = PathArray::ALL.into_iter().filter(|array| array.is_needed(self));
         arrays.map(|array| array.bytes(capacity, max_levels)).sum()
     }
 
@@ -44,7 +46,7 @@ impl PathNeeds {
 
 /// An array by path, or a queue that has room for all paths.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Array {
+enum PathArray {
     Rays,
     ShadowRays,
     Hits,
@@ -63,7 +65,7 @@ enum Array {
     SettleHits,
 }
 
-impl Array {
+impl PathArray {
     const ALL: [Self; 15] = [
         Self::Rays,
         Self::ShadowRays,
@@ -151,38 +153,38 @@ pub(crate) struct PathBuffers {
     pub(crate) asked: u64,
     pub(crate) max_levels: u32,
     needs: PathNeeds,
-    /// By number of [`Array`]; none that the scene does not need.
-    arrays: [Option<Buffer>; Array::ALL.len()],
-    /// One `Counters`; also the arguments of the indirect dispatches.
+    /// By number of [`PathArray`]; none that the scene does not need.
+    arrays: [Option<Buffer>; PathArray::ALL.len()],
+    /// One `WavefrontCounters`; also the arguments of the indirect dispatches.
     pub(crate) counters: Buffer,
 }
 
 impl PathBuffers {
     /// Memory for `capacity` paths; `needs`: and for what not all scenes need.
     pub(crate) fn new(gpu: &Arc<Gpu>, capacity: u32, max_levels: u32, needs: PathNeeds) -> Result<Self, GpuError> {
-        let mut arrays = [const { None }; Array::ALL.len()];
-        for array in Array::ALL.into_iter().filter(|array| array.is_needed(needs)) {
+        let mut arrays = [const { None }; PathArray::ALL.len()];
+        for array in PathArray::ALL.into_iter().filter(|array| array.is_needed(needs)) {
             let bytes = array.bytes(capacity, max_levels);
-            arrays[array as usize] = Some(Buffer::new(gpu, array.name(), bytes, Usage::Device)?);
+            arrays[array as usize] = Some(Buffer::new(gpu, array.name(), bytes, BufferUsage::Device)?);
         }
-        let counters = Buffer::new(gpu, "counters", size_of::<Counters>() as u64, Usage::Device)?;
+        let counters = Buffer::new(gpu, "counters", size_of::<WavefrontCounters>() as u64, BufferUsage::Device)?;
         Ok(Self { capacity, asked: u64::from(capacity), max_levels, needs, arrays, counters })
     }
 
-    fn get(&self, array: Array) -> Option<&Buffer> {
+    fn get(&self, array: PathArray) -> Option<&Buffer> {
         self.arrays[array as usize].as_ref()
     }
 
     /// Flags of paths that lack a tile, where texture tiles are loaded on demand.
     pub(crate) fn incomplete_paths(&self) -> Option<&Buffer> {
-        self.get(Array::IncompletePaths)
+        self.get(PathArray::IncompletePaths)
     }
 
     /// Lists the memory there is, and what is left out of it.
-    pub(crate) fn list(&self, inventory: &mut Inventory) {
+    pub(crate) fn list(&self, inventory: &mut RenderInventory) {
         let capacity = u64::from(self.capacity);
         inventory.paths = capacity;
-        for array in Array::ALL {
+        for array in PathArray::ALL {
             match self.get(array) {
                 Some(buffer) => inventory.add(buffer.name(), buffer.size()),
                 None => inventory.leave_out(array.name(), array.bytes(self.capacity, self.max_levels)),
@@ -200,29 +202,35 @@ impl PathBuffers {
 
     /// What the trace passes write.
     pub(crate) fn written(&self) -> Vec<&Buffer> {
-        let arrays =
-            [Array::Rays, Array::ShadowRays, Array::Hits, Array::Radiance, Array::SurfaceQueue, Array::EscapedQueue];
+        let arrays = [
+            PathArray::Rays,
+            PathArray::ShadowRays,
+            PathArray::Hits,
+            PathArray::Radiance,
+            PathArray::SurfaceQueue,
+            PathArray::EscapedQueue,
+        ];
         arrays.into_iter().filter_map(|array| self.get(array)).chain([&self.counters]).collect()
     }
 
     /// Writes the addresses into a frame block; 0 for what there is not: no pass reaches it then.
-    pub(crate) fn bind(&self, frame: &mut Frame) {
-        let at = |array: Array| self.get(array).map_or(0, Buffer::address);
-        frame.rays = at(Array::Rays);
-        frame.shadow_rays = at(Array::ShadowRays);
-        frame.hits = at(Array::Hits);
-        frame.paths = at(Array::Paths);
-        frame.radiance = at(Array::Radiance);
-        frame.ray_queue = [at(Array::RayQueue0), at(Array::RayQueue1)];
-        frame.shadow_queue = at(Array::ShadowQueue);
-        frame.surface_queue = at(Array::SurfaceQueue);
-        frame.escaped_queue = at(Array::EscapedQueue);
-        if let (Some(queue), Some(hits)) = (self.get(Array::SettleQueue), self.get(Array::SettleHits)) {
+    pub(crate) fn bind(&self, frame: &mut FrameConstants) {
+        let at = |array: PathArray| self.get(array).map_or(0, Buffer::address);
+        frame.rays = at(PathArray::Rays);
+        frame.shadow_rays = at(PathArray::ShadowRays);
+        frame.hits = at(PathArray::Hits);
+        frame.paths = at(PathArray::Paths);
+        frame.radiance = at(PathArray::Radiance);
+        frame.ray_queue = [at(PathArray::RayQueue0), at(PathArray::RayQueue1)];
+        frame.shadow_queue = at(PathArray::ShadowQueue);
+        frame.surface_queue = at(PathArray::SurfaceQueue);
+        frame.escaped_queue = at(PathArray::EscapedQueue);
+        if let (Some(queue), Some(hits)) = (self.get(PathArray::SettleQueue), self.get(PathArray::SettleHits)) {
             let halves = |of: &Buffer| [0, of.size() / 2].map(|at| of.address() + at);
             (frame.settle_queue, frame.settle_hits) = (halves(queue), halves(hits));
         }
-        frame.cones = at(Array::Cones);
-        frame.light_paths = at(Array::LightPaths);
+        frame.cones = at(PathArray::Cones);
+        frame.light_paths = at(PathArray::LightPaths);
         frame.counters = self.counters.address();
     }
 }
@@ -234,7 +242,7 @@ mod tests {
 
     #[test]
     fn arrays_are_numbered_in_their_order() {
-        assert!(Array::ALL.iter().enumerate().all(|(at, array)| *array as usize == at), "{:?}", Array::ALL);
+        assert!(PathArray::ALL.iter().enumerate().all(|(at, array)| *array as usize == at), "{:?}", PathArray::ALL);
     }
 
     #[test]
@@ -250,7 +258,7 @@ mod tests {
                 let bytes: u64 = made.arrays.iter().flatten().map(Buffer::size).sum();
                 assert_eq!(bytes, needs.bytes(capacity, levels), "{needs:?}, {capacity} paths, {levels} levels");
                 assert_eq!(bytes, needs.bytes_a_path(levels) * u64::from(capacity), "{needs:?}: the same each");
-                let mut listed = Inventory::default();
+                let mut listed = RenderInventory::default();
                 made.list(&mut listed);
                 let listed: u64 = listed.buffers.iter().map(|buffer| buffer.bytes).sum();
                 assert_eq!(listed, bytes + made.counters.size(), "{needs:?}: as it is listed");

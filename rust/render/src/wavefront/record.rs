@@ -1,23 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Records what the device does with paths: the ray's straight line from camera to film.
 //!
-//! A round is [`Recorder::trace`], then [`Recorder::shade`]. A wave in core has all its rounds one after the other; a
-//! step of streaming has some, between waking rays and counting demand (`streaming/record.rs`). Passes that a frame has
-//! not are left out.
+//! A round is [`WavefrontRecorder::trace`], then [`WavefrontRecorder::shade`]. A wave in core has all its rounds one
+//! after the other; a step of streaming has some, between waking rays and counting demand (`streaming/record.rs`).
+//! Passes that a frame has not are left out.
 
-use super::{Native, Passes};
+use super::{NativeTraversal, WavefrontPasses};
 use crate::film::{Film, error_groups};
 use crate::wave::Wave;
 use oocpt_abi::{
-    AOV_ESCAPED, AOV_SURFACES, Counters, PREPARE_RESOLVE, PREPARE_SETTLE, PREPARE_SHADE, PREPARE_TRACE, Push,
-    PushFlags, groups,
+    AOV_ESCAPED, AOV_SURFACES, PREPARE_RESOLVE, PREPARE_SETTLE, PREPARE_SHADE, PREPARE_TRACE, PushConstants, PushFlags,
+    WavefrontCounters, groups,
 };
-use oocpt_gpu::{Buffer, Commands};
-use oocpt_shaders::{Launch, Pass};
+use oocpt_gpu::{Buffer, CommandList};
+use oocpt_shaders::{DispatchSize, Pass};
 
 /// What paths are for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Kind {
+pub(crate) enum PathKind {
     /// First hits through pixel centres; a path is a pixel.
     Aovs,
     /// Samples of the colour.
@@ -26,7 +26,7 @@ pub(crate) enum Kind {
 
 /// The rays of a round that are traced.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Traced {
+pub(crate) enum TracedRays {
     /// Those that continue paths.
     Closest,
     /// Those that look for light from the surfaces shaded last.
@@ -37,52 +37,54 @@ pub(crate) enum Traced {
 
 /// See the module.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Recorder<'a> {
-    pub(crate) passes: &'a Passes,
+pub(crate) struct WavefrontRecorder<'a> {
+    pub(crate) passes: &'a WavefrontPasses,
     pub(crate) film: &'a Film,
     pub(crate) counters: &'a Buffer,
     /// Device address of the frame block.
     pub(crate) frame: u64,
     pub(crate) pixels: u32,
     /// Where the host walks the rays.
-    pub(crate) native: Option<Native<'a>>,
+    pub(crate) native: Option<NativeTraversal<'a>>,
 }
 
-impl Recorder<'_> {
+impl WavefrontRecorder<'_> {
     /// The push constants of passes over all paths in flight.
-    pub(crate) fn push(&self, kind: Kind) -> Push {
-        let push = Push::wave(self.frame, 0, 0, self.pixels);
-        if kind == Kind::Aovs { push.flagged(PushFlags::AOVS) } else { push }
+    pub(crate) fn push(&self, kind: PathKind) -> PushConstants {
+        let push = PushConstants::wave(self.frame, 0, 0, self.pixels);
+        if kind == PathKind::Aovs { push.flagged(PushFlags::AOVS) } else { push }
     }
 
     /// The push constants of passes over the paths of `wave`.
-    pub(crate) fn push_of(&self, kind: Kind, wave: Wave) -> Push {
+    pub(crate) fn push_of(&self, kind: PathKind, wave: Wave) -> PushConstants {
         match kind {
-            Kind::Aovs => Push::wave(self.frame, wave.first, wave.count, self.pixels).flagged(PushFlags::AOVS),
-            Kind::Samples => self.film.push(self.frame, wave).0,
+            PathKind::Aovs => {
+                PushConstants::wave(self.frame, wave.first, wave.count, self.pixels).flagged(PushFlags::AOVS)
+            }
+            PathKind::Samples => self.film.push(self.frame, wave).0,
         }
     }
 
     /// Starts `count` paths; `push` is that of their wave or segment.
-    pub(crate) fn generate(&self, commands: &mut Commands, kind: Kind, push: Push, count: u32) {
+    pub(crate) fn generate(&self, commands: &mut CommandList, kind: PathKind, push: PushConstants, count: u32) {
         let pass = match kind {
-            Kind::Aovs => Pass::GenerateAovRays,
-            Kind::Samples => Pass::GenerateCameraRays,
+            PathKind::Aovs => Pass::GenerateAovRays,
+            PathKind::Samples => Pass::GenerateCameraRays,
         };
         self.direct(commands, pass, push, count);
     }
 
     /// Traces the rays of a round.
-    pub(crate) fn trace(&self, commands: &mut Commands, q: Push, round: u32, traced: Traced) {
+    pub(crate) fn trace(&self, commands: &mut CommandList, q: PushConstants, round: u32, traced: TracedRays) {
         self.direct(commands, Pass::PrepareDispatch, q.with(round, PREPARE_TRACE), 1);
         if let Some(native) = self.native {
             return native.trace(commands, q.with(round, 0), traced);
         }
         commands.concurrent(|c| {
-            if traced != Traced::Shadow {
+            if traced != TracedRays::Shadow {
                 self.indirect(c, Pass::IntersectClosest, q.with(round, 0));
             }
-            if traced != Traced::Closest {
+            if traced != TracedRays::Closest {
                 self.indirect(c, Pass::IntersectShadow, q.with(round, 0));
             }
         });
@@ -96,7 +98,7 @@ impl Recorder<'_> {
     }
 
     /// Shades what the rays of a round met; with streaming those of earlier rounds too whose last ray is done now.
-    pub(crate) fn shade(&self, commands: &mut Commands, kind: Kind, q: Push, round: u32) {
+    pub(crate) fn shade(&self, commands: &mut CommandList, kind: PathKind, q: PushConstants, round: u32) {
         let resolve = [Pass::ResolveMaterials, Pass::ResolveLights].into_iter().find(|pass| self.has(*pass));
         let first = if resolve.is_some() { PREPARE_RESOLVE } else { PREPARE_SHADE };
         commands.concurrent(|c| {
@@ -108,11 +110,11 @@ impl Recorder<'_> {
             self.direct(commands, Pass::PrepareDispatch, q.with(round, PREPARE_SHADE), 1);
         }
         commands.concurrent(|c| match kind {
-            Kind::Aovs => {
-                self.indirect_by(c, Pass::ShadeAovs, q.with(round, AOV_SURFACES), Counters::SURFACE_ARGS);
-                self.indirect_by(c, Pass::ShadeAovs, q.with(round, AOV_ESCAPED), Counters::ESCAPED_ARGS);
+            PathKind::Aovs => {
+                self.indirect_by(c, Pass::ShadeAovs, q.with(round, AOV_SURFACES), WavefrontCounters::SURFACE_ARGS);
+                self.indirect_by(c, Pass::ShadeAovs, q.with(round, AOV_ESCAPED), WavefrontCounters::ESCAPED_ARGS);
             }
-            Kind::Samples => {
+            PathKind::Samples => {
                 self.indirect(c, Pass::ShadeBackground, q.with(round, 0));
                 self.indirect(c, Pass::ShadeSurface, q.with(round, 0));
             }
@@ -121,11 +123,11 @@ impl Recorder<'_> {
 
     /// Adds the samples of a wave to the film, measuring on the way; `push` is the wave's, `arg0` its first place.
     /// Gives the octaves measured.
-    pub(crate) fn accumulate(&self, commands: &mut Commands, push: Push, wave: Wave) -> Vec<u32> {
+    pub(crate) fn accumulate(&self, commands: &mut CommandList, push: PushConstants, wave: Wave) -> Vec<u32> {
         let mut octaves = Vec::new();
         for piece in self.film.pieces(wave, u64::MAX) {
             let (q, apart) = self.film.push(push.frame, piece.wave);
-            let q = Push { flags: push.flags, ..q }.with(push.round, push.arg0 + piece.offset);
+            let q = PushConstants { flags: push.flags, ..q }.with(push.round, push.arg0 + piece.offset);
             self.direct(commands, Pass::Accumulate, q, piece.wave.count.min(apart));
             if let Some(octave) = piece.completes {
                 self.measure(commands, octave);
@@ -136,18 +138,18 @@ impl Recorder<'_> {
     }
 
     /// Asks the film for its error; the answer goes to `slot`.
-    pub(crate) fn measure(&self, commands: &mut Commands, slot: u32) {
+    pub(crate) fn measure(&self, commands: &mut CommandList, slot: u32) {
         let groups = [error_groups(u64::from(self.pixels)), 1, 1];
-        self.workgroups(commands, Pass::MeasureError, self.push(Kind::Samples), groups);
+        self.workgroups(commands, Pass::MeasureError, self.push(PathKind::Samples), groups);
         self.film.copy_error(commands, self.counters, slot);
     }
 
     /// Makes the picture of what the film holds, and copies all images to where the host can read them.
-    pub(crate) fn copy_out(&self, commands: &mut Commands) {
+    pub(crate) fn copy_out(&self, commands: &mut CommandList) {
         if self.film.has_color() {
             commands.concurrent(|c| {
-                self.direct(c, Pass::Resolve, self.push(Kind::Samples), self.pixels);
-                self.direct(c, Pass::CountSamples, self.push(Kind::Samples), self.pixels);
+                self.direct(c, Pass::Resolve, self.push(PathKind::Samples), self.pixels);
+                self.direct(c, Pass::CountSamples, self.push(PathKind::Samples), self.pixels);
             });
         }
         self.film.copy_out(commands, self.counters);
@@ -159,25 +161,25 @@ impl Recorder<'_> {
     }
 
     /// Records a pass with so many threads.
-    pub(crate) fn direct(&self, commands: &mut Commands, pass: Pass, push: Push, threads: u32) {
+    pub(crate) fn direct(&self, commands: &mut CommandList, pass: Pass, push: PushConstants, threads: u32) {
         self.workgroups(commands, pass, push, groups(u64::from(threads)));
     }
 
     /// Records a pass with so many workgroups.
-    pub(crate) fn workgroups(&self, commands: &mut Commands, pass: Pass, push: Push, groups: [u32; 3]) {
+    pub(crate) fn workgroups(&self, commands: &mut CommandList, pass: Pass, push: PushConstants, groups: [u32; 3]) {
         if let Some(pipeline) = self.passes.get(pass) {
             commands.dispatch(pipeline, bytemuck::bytes_of(&push), groups);
         }
     }
 
     /// Records a pass whose threads the counters tell, where its row says.
-    pub(crate) fn indirect(&self, commands: &mut Commands, pass: Pass, push: Push) {
-        if let Launch::Indirect(arguments) = pass.info().launch {
+    pub(crate) fn indirect(&self, commands: &mut CommandList, pass: Pass, push: PushConstants) {
+        if let DispatchSize::Indirect(arguments) = pass.info().launch {
             self.indirect_by(commands, pass, push, arguments);
         }
     }
 
-    fn indirect_by(&self, commands: &mut Commands, pass: Pass, push: Push, arguments: u64) {
+    fn indirect_by(&self, commands: &mut CommandList, pass: Pass, push: PushConstants, arguments: u64) {
         if let Some(pipeline) = self.passes.get(pass) {
             commands.dispatch_indirect(pipeline, bytemuck::bytes_of(&push), self.counters, arguments);
         }

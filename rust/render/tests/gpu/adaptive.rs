@@ -7,8 +7,8 @@ use crate::scenes::{constant, dome, features, nested, prim, square};
 use crate::support::{perspective, read, render, seeds, settings};
 use glam::{DMat4, DVec3};
 use oocpt_core::scene::SceneDb;
-use oocpt_core::settings::{Settings, Value};
-use oocpt_render::{AovKind, Faults, RenderRequest, Session, SessionOptions};
+use oocpt_core::settings::{SettingValue, Settings};
+use oocpt_render::{AovKind, PlantedFaults, RenderRequest, Session, SessionOptions};
 
 /// Mean of `(x - r)^2 / (r^2 + 0.01)` over pixels and colour channels.
 fn rel_mse(picture: &[f32], reference: &[f64]) -> f64 {
@@ -26,7 +26,7 @@ fn mean(values: &[f64]) -> (f64, f64) {
 }
 
 fn picture(session: &Session, view: &RenderRequest, seed: usize) -> Vec<f32> {
-    session.set_setting("oocpt:seed", Value::Int(i64::try_from(seed).expect("small"))).expect("a seed");
+    session.set_setting("oocpt:seed", SettingValue::Int(i64::try_from(seed).expect("small"))).expect("a seed");
     render(session, view);
     read::<f32>(session, view, AovKind::Color)
 }
@@ -99,7 +99,7 @@ fn regions(pictures: &[Vec<f32>], size: [u32; 2]) -> Vec<(f64, f64)> {
 }
 
 fn adaptive_pictures(build: fn(&mut SceneDb), view: &RenderRequest, naive_sampling: bool) -> Vec<Vec<f32>> {
-    let faults = Faults { naive_sampling, ..Faults::default() };
+    let faults = PlantedFaults { naive_sampling, ..PlantedFaults::default() };
     let options = SessionOptions { faults, ..SessionOptions::default() };
     let session = open(adaptive(64, 2), options, build);
     (0..seeds([64, 128]) as usize).map(|seed| picture(&session, view, seed)).collect()

@@ -6,7 +6,7 @@ use crate::support::{color_request, orthographic, perspective, read, render, req
 use glam::{DMat4, DVec3, DVec4};
 use oocpt_core::camera::Camera;
 use oocpt_core::scene::SceneDb;
-use oocpt_core::settings::Value;
+use oocpt_core::settings::SettingValue;
 use oocpt_judge::{
     Image, PathTracerOptions, World, compare_depth, compare_ids, compare_normals, first_hits, path_trace, z_test,
 };
@@ -75,7 +75,7 @@ fn render_seeds(build: fn(&mut SceneDb), camera: &Camera) -> (Vec<f32>, Vec<f64>
     let mut mean = vec![0.0_f64; usize::try_from(request.pixels()).expect("small") * 4];
     let mut squares = mean.clone();
     for seed in 0..SEEDS {
-        session.set_setting("oocpt:seed", Value::Int(i64::from(seed))).expect("a valid seed");
+        session.set_setting("oocpt:seed", SettingValue::Int(i64::from(seed))).expect("a valid seed");
         render(&session, &request);
         for (i, value) in read::<f32>(&session, &request, AovKind::Color).into_iter().enumerate() {
             let difference = f64::from(value) - mean[i];

@@ -9,7 +9,7 @@ use crate::support::{
 };
 use glam::{DMat4, DVec3, DVec4};
 use oocpt_core::camera::Camera;
-use oocpt_core::scene::{MeshDesc, SceneDb, Shape, TransformSample};
+use oocpt_core::scene::{MeshDesc, PrimShape, SceneDb, TransformSample};
 use oocpt_core::settings::Settings;
 use oocpt_core::{LightDesc, LightKind, TypedArray};
 use oocpt_render::{AovKind, Session, SessionOptions};
@@ -19,7 +19,7 @@ const SIZE: [u32; 2] = [64, 48];
 /// A ball of radius 1 about the origin, which is tested as what it is.
 fn ball(db: &mut SceneDb) {
     db.upsert_mesh(MeshDesc {
-        shape: Shape::Points,
+        shape: PrimShape::Points,
         points: TypedArray::of(vec![[0.0_f32; 3]]),
         widths: constant(2.0_f32),
         ..mesh(prim("/ball", DMat4::IDENTITY), 1, Vec::new(), &[], 0.5)

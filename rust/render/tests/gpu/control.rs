@@ -104,7 +104,7 @@ fn a_render_that_ends_early_has_whole_samples() {
 fn a_newer_request_replaces_the_one_under_way() {
     let session = long_render();
     assert!(
-        session.set_setting("oocpt:samplesPerPixel", oocpt_core::settings::Value::Int(2)).expect("valid"),
+        session.set_setting("oocpt:samplesPerPixel", oocpt_core::settings::SettingValue::Int(2)).expect("valid"),
         "changed"
     );
     render(&session, &view([16, 12]));

@@ -7,7 +7,7 @@ use crate::support::{orthographic, perspective, read, render, request, session, 
 use glam::{DMat4, DVec3};
 use oocpt_core::TypedArray;
 use oocpt_core::camera::Camera;
-use oocpt_core::scene::{CurveBasis, CurveWrap, CurvesDesc, Interpolation, MeshDesc, Primvar, SceneDb, Shape};
+use oocpt_core::scene::{CurveBasis, CurveWrap, CurvesDesc, Interpolation, MeshDesc, PrimShape, Primvar, SceneDb};
 use oocpt_render::{AovKind, Session};
 
 const SIZE: [u32; 2] = [96, 64];
@@ -33,7 +33,7 @@ fn lines(path: &str, id: i32, pieces: &[Piece]) -> MeshDesc {
     MeshDesc {
         prim: prim(path, DMat4::IDENTITY),
         prim_id: id,
-        shape: Shape::Curves(CurvesDesc {
+        shape: PrimShape::Curves(CurvesDesc {
             basis: CurveBasis::Linear,
             wrap: CurveWrap::Nonperiodic,
             counts: TypedArray::of(vec![2_i32; pieces.len()]),
@@ -51,7 +51,7 @@ fn points(path: &str, id: i32, pieces: &[Piece]) -> MeshDesc {
     let widths: Vec<f32> = pieces.iter().map(|piece| width(piece[0].1)).collect();
     let places: Vec<[f32; 3]> = pieces.iter().map(|piece| piece[0].0.as_vec3().to_array()).collect();
     MeshDesc {
-        shape: Shape::Points,
+        shape: PrimShape::Points,
         points: TypedArray::of(places),
         widths: Some(Primvar { interpolation: Interpolation::Vertex, values: TypedArray::of(widths), indices: None }),
         ..lines(path, id, &[])
@@ -242,7 +242,7 @@ fn curve_joints_leave_no_gap() {
     let points: Vec<[f32; 3]> = (0..count).map(|k| place(k).as_vec3().to_array()).collect();
     let pieces: Vec<Piece> = (1..count).map(|k| [(place(k - 1), 0.06), (place(k), 0.06)]).collect();
     let chain = move |_: &[Piece]| MeshDesc {
-        shape: Shape::Curves(CurvesDesc {
+        shape: PrimShape::Curves(CurvesDesc {
             basis: CurveBasis::Linear,
             wrap: CurveWrap::Nonperiodic,
             counts: TypedArray::of(vec![i32::try_from(count).unwrap()]),

@@ -7,7 +7,7 @@ use crate::streaming::DEFORMING;
 use crate::support::{color_request, images, orthographic, perspective, read, render, request, session, settings};
 use glam::{DMat4, DVec3, Vec3};
 use oocpt_core::TypedArray;
-use oocpt_core::scene::{CurveBasis, CurveWrap, CurvesDesc, MeshDesc, PointsMotion, SceneDb, Shape, Subdivision};
+use oocpt_core::scene::{CurveBasis, CurveWrap, CurvesDesc, MeshDesc, PointsMotion, PrimShape, SceneDb, Subdivision};
 use oocpt_core::settings::Settings;
 use oocpt_render::AovKind;
 
@@ -91,7 +91,7 @@ fn velocities_move_points_by_their_arrays() {
 #[test]
 fn moving_spheres_leave_a_streak_of_known_coverage() {
     let ball = MeshDesc {
-        shape: Shape::Points,
+        shape: PrimShape::Points,
         points: TypedArray::of(vec![[0.0_f32; 3]]),
         widths: constant(0.5_f32),
         ..mesh(prim("/ball", DMat4::IDENTITY), 1, Vec::new(), &[], 0.5)
@@ -111,7 +111,7 @@ fn line(from: [f32; 3], to: [f32; 3]) -> MeshDesc {
         indices: None,
     };
     MeshDesc {
-        shape: Shape::Curves(curves),
+        shape: PrimShape::Curves(curves),
         points: TypedArray::of(vec![from, to]),
         ..mesh(prim("/line", DMat4::IDENTITY), 1, Vec::new(), &[], 0.5)
     }
@@ -123,7 +123,7 @@ fn balls_and_tubes_grow_by_their_widths() {
     let width = |time: f64| 0.2 + 1.0 * time as f32;
     let radius = |time: f64| f64::from(width(time)) / 2.0;
     let ball = MeshDesc {
-        shape: Shape::Points,
+        shape: PrimShape::Points,
         points: TypedArray::of(vec![[0.0_f32; 3]]),
         ..mesh(prim("/ball", DMat4::IDENTITY), 1, Vec::new(), &[], 0.5)
     };

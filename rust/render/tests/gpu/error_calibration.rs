@@ -7,7 +7,7 @@ use crate::scenes::{features, nested};
 use crate::streaming::{SCENES, Scene};
 use crate::support::{color_request, is_full, perspective, read, render, seeds, settings};
 use oocpt_core::scene::SceneDb;
-use oocpt_core::settings::Value;
+use oocpt_core::settings::SettingValue;
 use oocpt_core::stats::ErrorRow;
 use oocpt_gpu::DeviceKind;
 use oocpt_render::{AovKind, RenderRequest, Session, SessionOptions};
@@ -47,7 +47,7 @@ fn pictures(case: &Case, seeds: u32) -> Vec<(Vec<f32>, ErrorRow)> {
     session.set_light_files(Arc::new(TestFiles));
     session.with_scene(case.build);
     let one = |seed| {
-        session.set_setting("oocpt:seed", Value::Int(seed)).expect("a seed");
+        session.set_setting("oocpt:seed", SettingValue::Int(seed)).expect("a seed");
         render(&session, &case.view);
         let row = session.stats().error.expect("every picture's error is told");
         (read::<f32>(&session, &case.view, AovKind::Color), row)

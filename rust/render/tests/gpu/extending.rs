@@ -10,7 +10,7 @@ use crate::support::{color_request, orthographic, perspective, read, render, ses
 use glam::{DMat4, DVec3};
 use oocpt_abi::{Features, LIGHT_SHAPES};
 use oocpt_core::scene::{LightDesc, LightKind, LocalShape, ParamValue, SceneDb};
-use oocpt_render::{AovKind, Faults, Session, SessionOptions};
+use oocpt_render::{AovKind, PlantedFaults, Session, SessionOptions};
 use std::collections::BTreeSet;
 use std::f64::consts::{FRAC_1_PI, FRAC_PI_2, PI};
 use std::fs;
@@ -40,7 +40,7 @@ fn lit(db: &mut SceneDb, light: LightDesc, wall: bool) {
 
 /// The colours of that, seen from the front, with the toy and at `samples` per pixel.
 fn colors(light: LightDesc, samples: u32, [wall, force_streaming]: [bool; 2]) -> Vec<[f32; 4]> {
-    let faults = Faults { more_features: Features::TOY_LOBE, ..Faults::default() };
+    let faults = PlantedFaults { more_features: Features::TOY_LOBE, ..PlantedFaults::default() };
     let options = SessionOptions { validation: true, force_streaming, faults, ..SessionOptions::default() };
     let session = Session::with_options(settings(samples, 2), options);
     session.with_scene(|db| lit(db, light, wall));

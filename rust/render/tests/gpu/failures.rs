@@ -5,11 +5,11 @@ use crate::materials::{Ramps, board, coordinates, textured, with};
 use crate::scenes::{dome, nested, prim, sphere};
 use crate::support::{perspective, read, read_all, render, render_with_messages, request, session, settings};
 use glam::{DMat4, DVec3};
-use oocpt_core::mesh::{LOST_FOR_GOOD, MeshFiles, Payload, PayloadError, StoredEntry};
+use oocpt_core::mesh::{LOST_FOR_GOOD, MeshFiles, PayloadError, PayloadSource, StoredEntry};
 use oocpt_core::scene::{AssetRef, Interpolation};
-use oocpt_core::settings::{Settings, Value};
-use oocpt_render::textures::{Image, ImageError, ImageInfo, ImageLibrary};
-use oocpt_render::{AovKind, Faults, RenderRequest, Session, SessionOptions, Severity};
+use oocpt_core::settings::{SettingValue, Settings};
+use oocpt_render::textures::{ImageError, ImageInfo, ImageLibrary, SourceImage};
+use oocpt_render::{AovKind, PlantedFaults, RenderRequest, Session, SessionOptions, Severity};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
@@ -29,7 +29,7 @@ fn a_budget_too_small_is_one_error_and_a_larger_one_renders() {
     assert_eq!(messages.len(), 1, "one error: {messages:?}");
     assert_eq!(messages[0].severity, Severity::Error, "it is an error");
     assert!(messages[0].text.contains("budget"), "it names the budget: {}", messages[0].text);
-    let changed = session.set_setting("oocpt:memoryBudget", Value::Int(2048)).expect("a valid budget");
+    let changed = session.set_setting("oocpt:memoryBudget", SettingValue::Int(2048)).expect("a valid budget");
     assert!(changed, "the budget is another one");
     render(&session, &view([32, 32]));
     let stats = session.stats();
@@ -87,7 +87,7 @@ fn bad_geometry_is_dropped_with_one_warning_and_the_rest_renders() {
 
 /// A session of which so many devices are lost, each after so many submissions.
 fn losing(devices: u32, after: u32, streams: bool, budget: u32) -> Session {
-    let faults = Faults { lost_devices: [devices, after], ..Faults::default() };
+    let faults = PlantedFaults { lost_devices: [devices, after], ..PlantedFaults::default() };
     let options = SessionOptions { validation: true, force_streaming: streams, faults, ..SessionOptions::default() };
     let session = Session::with_options(Settings { memory_budget_mib: budget, ..settings(4, 2) }, options);
     session.with_scene(nested);
@@ -131,7 +131,7 @@ fn a_second_device_loss_ends_the_render() {
 #[derive(Debug)]
 struct Abyss(u64);
 
-impl Payload for Abyss {
+impl PayloadSource for Abyss {
     fn size(&self) -> u64 {
         self.0
     }
@@ -150,9 +150,9 @@ impl MeshFiles for Abyss {
         None
     }
 
-    fn add(&self, _key: Option<u128>, _head: &[u8], payloads: &[Vec<&[u8]>]) -> Option<Vec<Arc<dyn Payload>>> {
+    fn add(&self, _key: Option<u128>, _head: &[u8], payloads: &[Vec<&[u8]>]) -> Option<Vec<Arc<dyn PayloadSource>>> {
         let size = |parts: &Vec<&[u8]>| parts.iter().map(|part| part.len() as u64).sum();
-        Some(payloads.iter().map(|parts| Arc::new(Self(size(parts))) as Arc<dyn Payload>).collect())
+        Some(payloads.iter().map(|parts| Arc::new(Self(size(parts))) as Arc<dyn PayloadSource>).collect())
     }
 
     fn damaged(&self, _key: Option<u128>, _error: &PayloadError) {}
@@ -197,12 +197,12 @@ struct Far {
 }
 
 impl ImageLibrary for Far {
-    fn open(&self, _: &AssetRef) -> Result<Arc<dyn Image>, ImageError> {
+    fn open(&self, _: &AssetRef) -> Result<Arc<dyn SourceImage>, ImageError> {
         Ok(Arc::new(Self { fails: Arc::clone(&self.fails), takes: self.takes }))
     }
 }
 
-impl Image for Far {
+impl SourceImage for Far {
     fn info(&self) -> ImageInfo {
         Ramps.info()
     }
@@ -219,7 +219,7 @@ impl Image for Far {
 #[test]
 fn textures_on_a_slow_disk_are_waited_for() {
     let view = view([24, 16]);
-    let pictured = |images: Arc<dyn ImageLibrary>, faults: Faults, streams: bool| {
+    let pictured = |images: Arc<dyn ImageLibrary>, faults: PlantedFaults, streams: bool| {
         let options =
             SessionOptions { validation: true, force_streaming: streams, faults, ..SessionOptions::default() };
         let settings = Settings { texture_cache: "0".into(), ..settings(4, 1) };
@@ -234,10 +234,10 @@ fn textures_on_a_slow_disk_are_waited_for() {
         (messages, read::<f32>(&session, &view, AovKind::Color))
     };
     for streams in [false, true] {
-        let (messages, right) = pictured(Arc::new(Ramps), Faults::default(), streams);
+        let (messages, right) = pictured(Arc::new(Ramps), PlantedFaults::default(), streams);
         assert!(messages.is_empty(), "{messages:?}");
         let far = Far { fails: Arc::new(AtomicU32::new(3)), takes: Duration::from_millis(1500) };
-        let faults = Faults { impatient_millis: 600, ..Faults::default() };
+        let faults = PlantedFaults { impatient_millis: 600, ..PlantedFaults::default() };
         let (messages, picture) = pictured(Arc::new(far), faults, streams);
         assert!(!messages.is_empty(), "streaming {streams}: it is told");
         for message in &messages {
@@ -246,7 +246,7 @@ fn textures_on_a_slow_disk_are_waited_for() {
         }
         assert!(picture == right, "streaming {streams}: another picture");
         let lost = Far { fails: Arc::new(AtomicU32::new(u32::MAX)), takes: Duration::ZERO };
-        let (messages, picture) = pictured(Arc::new(lost), Faults::default(), streams);
+        let (messages, picture) = pictured(Arc::new(lost), PlantedFaults::default(), streams);
         assert_eq!(messages.len(), 1, "streaming {streams}: {messages:?}");
         assert!(messages[0].text.contains("ramps") && messages[0].text.contains("fallback"), "{messages:?}");
         assert!(picture != right, "streaming {streams}: the fallback");

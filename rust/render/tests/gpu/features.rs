@@ -11,24 +11,22 @@ use crate::materials::Ramps;
 use crate::support::{self, orthographic, read, request, settings};
 use glam::{DMat4, DVec3, DVec4};
 use oocpt_abi::Features;
-use oocpt_core::inventory::Inventory;
+use oocpt_core::inventory::RenderInventory;
 use oocpt_core::scene::TransformSample;
 use oocpt_core::settings::{HostMapped, Settings};
-use oocpt_render::{AovKind, Faults, Session, SessionOptions};
+use oocpt_render::{AovKind, ForcedFeatures, PlantedFaults, Session, SessionOptions};
 use rows::{Also, BARE, Names, Row};
-use scenes::shown;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
 /// Renders a row; gives what it was made of and its images.
-fn render(row: &Row, carry: &str) -> (Inventory, Vec<Vec<u8>>) {
+fn render(row: &Row, forced_features: ForcedFeatures) -> (RenderInventory, Vec<Vec<u8>>) {
     let streams = matches!(row.also, Also::Streaming | Also::Mapped | Also::Roulette);
     let report = std::env::temp_dir().join(format!("oocpt-features-{}.json", std::process::id()));
     let chunk_report =
         if row.also == Also::ChunkReport { report.to_string_lossy().into_owned() } else { String::new() };
     let settings = Settings {
         adaptive_sampling: row.also == Also::Adaptive,
-        carry: carry.into(),
         chunk_report,
         // Else it would depend on the device.
         host_mapped: if row.also == Also::Mapped { HostMapped::On } else { HostMapped::Off },
@@ -36,8 +34,14 @@ fn render(row: &Row, carry: &str) -> (Inventory, Vec<Vec<u8>>) {
         ..settings(4, 2)
     };
     let more_features = if row.also == Also::ToyLobe { Features::TOY_LOBE } else { Features::empty() };
-    let faults = Faults { more_features, ..Faults::default() };
-    let options = SessionOptions { validation: true, force_streaming: streams, faults, ..SessionOptions::default() };
+    let faults = PlantedFaults { more_features, ..PlantedFaults::default() };
+    let options = SessionOptions {
+        validation: true,
+        force_streaming: streams,
+        forced_features,
+        faults,
+        ..SessionOptions::default()
+    };
     let session = Session::with_options(settings, options).with_images(Arc::new(Ramps));
     session.set_light_files(Arc::new(TestFiles));
     session.with_scene(row.build);
@@ -73,8 +77,8 @@ fn render(row: &Row, carry: &str) -> (Inventory, Vec<Vec<u8>>) {
 }
 
 /// Names of what there is: features, passes, buffers, primvars.
-fn made(inventory: &Inventory) -> [BTreeSet<String>; 4] {
-    let Inventory { features, passes, buffers, primvars, .. } = inventory;
+fn made(inventory: &RenderInventory) -> [BTreeSet<String>; 4] {
+    let RenderInventory { features, passes, buffers, primvars, .. } = inventory;
     [
         features.iter().filter(|f| f.present).map(|f| f.name.clone()).collect(),
         passes.iter().filter(|p| p.made).map(|p| p.name.clone()).collect(),
@@ -103,10 +107,10 @@ const CARRIED_ALWAYS: usize = 4;
 /// Both checks of a row in one test, so that the passes it has compiled are there when it is rendered with everything
 /// carried along.
 fn check(rows: &[Row]) {
-    let bare = made(&render(&BARE, "").0);
+    let bare = made(&render(&BARE, ForcedFeatures::NONE).0);
     let carried = if support::is_full() { CARRIED } else { &CARRIED[..CARRIED_ALWAYS] };
     for row in rows {
-        let (inventory, picture) = render(row, "");
+        let (inventory, picture) = render(row, ForcedFeatures::NONE);
         what_is_made_is_what_the_row_says(row, &inventory, &bare);
         if carried.contains(&row.what) {
             what_is_carried_along_does_not_change_the_picture(row, &inventory, &picture);
@@ -116,7 +120,7 @@ fn check(rows: &[Row]) {
 
 #[test]
 fn a_minimal_scene_enables_no_feature() {
-    let (inventory, picture) = render(&BARE, "");
+    let (inventory, picture) = render(&BARE, ForcedFeatures::NONE);
     every_feature_has_a_row(&inventory);
     let [features, _, _, primvars] = made(&inventory);
     assert!(features.is_empty() && primvars.is_empty(), "a bare board needs no feature: {features:?}, {primvars:?}");
@@ -150,7 +154,7 @@ fn streaming_enables_exactly_its_features() {
     check(rows::STREAMING);
 }
 
-fn what_is_made_is_what_the_row_says(row: &Row, inventory: &Inventory, bare: &[BTreeSet<String>; 4]) {
+fn what_is_made_is_what_the_row_says(row: &Row, inventory: &RenderInventory, bare: &[BTreeSet<String>; 4]) {
     // What only a scene in core lists: while streaming, geometry comes and goes.
     let of_assets = ["mesh nodes", "mesh triangles", "instance records", "instance trees", "rounding of assets"];
     let given = made(inventory);
@@ -177,7 +181,7 @@ fn what_is_made_is_what_the_row_says(row: &Row, inventory: &Inventory, bare: &[B
     assert_eq!(sum, inventory.bytes(), "{}", row.what);
 }
 
-fn every_feature_has_a_row(inventory: &Inventory) {
+fn every_feature_has_a_row(inventory: &RenderInventory) {
     for feature in &inventory.features {
         assert!(rows::all().any(|row| row.features.contains(&feature.name.as_str())), "{} is not tested", feature.name);
     }
@@ -191,8 +195,8 @@ fn every_feature_has_a_row(inventory: &Inventory) {
 }
 
 /// `lean` and `picture` are the row's own.
-fn what_is_carried_along_does_not_change_the_picture(row: &Row, lean: &Inventory, picture: &[Vec<u8>]) {
-    let (laden, same) = render(row, "all");
+fn what_is_carried_along_does_not_change_the_picture(row: &Row, lean: &RenderInventory, picture: &[Vec<u8>]) {
+    let (laden, same) = render(row, ForcedFeatures::ALL);
     assert!(picture == same, "{}: another picture with all features", row.what);
     let carried: BTreeSet<&str> =
         laden.features.iter().filter(|feature| feature.carried).map(|feature| feature.name.as_str()).collect();
@@ -207,18 +211,9 @@ fn what_is_carried_along_does_not_change_the_picture(row: &Row, lean: &Inventory
     }
     if !needed.contains("STREAMING") {
         assert_eq!((lean.max_levels.min(2), laden.max_levels), (lean.max_levels, 16), "{}", row.what);
-        let hits = |inventory: &Inventory| inventory.buffers.iter().find(|b| b.name == "hits").cloned().expect("hits");
+        let hits =
+            |inventory: &RenderInventory| inventory.buffers.iter().find(|b| b.name == "hits").cloned().expect("hits");
         let (few, many) = (hits(lean), hits(&laden));
         assert_eq!((few.bytes + few.saved, 0), (many.bytes, many.saved), "{}: what was said to be saved", row.what);
     }
-}
-
-#[test]
-fn an_unknown_feature_name_gives_one_warning() {
-    let session = support::session(Settings { carry: "COAT nonsense".into(), ..settings(1, 0) });
-    session.with_scene(shown);
-    let messages = support::render_with_messages(&session, &request(orthographic(DVec3::Z, DVec3::ZERO, 2.0, [4, 4])));
-    assert!(messages.len() == 1 && messages[0].text.contains("\"nonsense\" is no feature"), "{messages:?}");
-    let carried = session.stats().inventory.features.into_iter().filter(|feature| feature.carried).count();
-    assert_eq!(carried, 0, "no coat without materials");
 }

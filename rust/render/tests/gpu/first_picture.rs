@@ -5,7 +5,7 @@ use crate::scenes::{dome, nested, prim, sphere};
 use crate::support::{TIMEOUT, images, perspective, read, read_all, request, settings};
 use glam::{DMat4, DVec3};
 use oocpt_core::settings::Settings;
-use oocpt_render::{AovKind, Faults, RenderRequest, Session, SessionOptions};
+use oocpt_render::{AovKind, PlantedFaults, RenderRequest, Session, SessionOptions};
 use std::time::{Duration, Instant};
 
 /// No multiple of what the sides are divided by.
@@ -16,7 +16,7 @@ fn view(turn: f64) -> RenderRequest {
 }
 
 /// A session that shows images on the way, the first with sides divided by `factor`.
-fn live(samples: u32, faults: Faults) -> Session {
+fn live(samples: u32, faults: PlantedFaults) -> Session {
     let options = SessionOptions { validation: true, faults, ..SessionOptions::default() };
     let session = Session::with_options(Settings { interactive: true, ..settings(samples, 2) }, options);
     session.with_scene(nested);
@@ -37,7 +37,8 @@ fn middles() -> impl Iterator<Item = (usize, usize)> {
 
 #[test]
 fn the_first_picture_is_the_view_in_wider_pixels() {
-    let session = live(1, Faults { first_picture: Some(3), first_picture_alone: true, ..Faults::default() });
+    let session =
+        live(1, PlantedFaults { first_picture: Some(3), first_picture_alone: true, ..PlantedFaults::default() });
     render(&session, &view(0.4));
     let width = SIZE[0] as usize;
     let whole = Session::with_options(settings(1, 2), SessionOptions::default());
@@ -65,7 +66,7 @@ fn the_colour_of_the_first_picture_lies_where_its_ids_do() {
         Settings { interactive: true, ..settings(1, 2) },
         SessionOptions {
             validation: true,
-            faults: Faults { first_picture: Some(3), first_picture_alone: true, ..Faults::default() },
+            faults: PlantedFaults { first_picture: Some(3), first_picture_alone: true, ..PlantedFaults::default() },
             ..SessionOptions::default()
         },
     );
@@ -94,7 +95,7 @@ fn the_colour_of_the_first_picture_lies_where_its_ids_do() {
 fn what_is_shown_of_a_camera_that_moves_is_whole_and_moves() {
     for first_picture in [Some(4), Some(1), None] {
         // A sample takes longer than a move.
-        let session = live(1 << 16, Faults { first_picture, ..Faults::default() });
+        let session = live(1 << 16, PlantedFaults { first_picture, ..PlantedFaults::default() });
         render_whole(&session);
         let (mut known, mut shown, mut generations) = (0, 0, Vec::new());
         let mut counts = vec![0.0_f32; (SIZE[0] * SIZE[1]) as usize];
@@ -132,7 +133,7 @@ fn render_whole(session: &Session) {
 #[test]
 fn a_picture_after_moves_is_that_of_a_session_that_never_moved() {
     for first_picture in [Some(2), None] {
-        let session = live(3, Faults { first_picture, ..Faults::default() });
+        let session = live(3, PlantedFaults { first_picture, ..PlantedFaults::default() });
         for step in 0..8 {
             session.render(view(0.1 * f64::from(step)));
             std::thread::sleep(Duration::from_millis(3));

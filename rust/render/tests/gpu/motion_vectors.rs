@@ -6,7 +6,7 @@ use crate::support::{orthographic, perspective, read, render, request, session, 
 use glam::{DMat4, DVec3, DVec4, Vec3};
 use oocpt_core::TypedArray;
 use oocpt_core::camera::Camera;
-use oocpt_core::scene::{MeshDesc, SceneDb, Shape, TransformSample};
+use oocpt_core::scene::{MeshDesc, PrimShape, SceneDb, TransformSample};
 use oocpt_render::{AovKind, Session};
 use std::f64::consts::FRAC_PI_2;
 
@@ -166,7 +166,7 @@ fn points_that_move_take_surfaces_and_balls_along() {
         let sheet = mesh(prim("/sheet", DMat4::IDENTITY), 1, corners, &[vec![0, 1, 2, 3]], 0.5);
         db.upsert_mesh(deforming(sheet, &[0.0, 1.0], &stretch));
         let balls = MeshDesc {
-            shape: Shape::Points,
+            shape: PrimShape::Points,
             points: TypedArray::of(points.clone()),
             widths: constant(0.9_f32),
             ..mesh(prim("/balls", DMat4::IDENTITY), 2, Vec::new(), &[], 0.5)

@@ -9,11 +9,12 @@ use crate::scenes::{constant, deforming, dome, features, instanced, instancer, m
 use crate::streaming::{DEFORMING, MOVING, MOVING_BULBS, MOVING_LAMPS, SCENES, smallest_budget};
 use crate::support::{self, perspective, read_all, render, request, settings};
 use glam::{DMat4, DQuat, DVec3, DVec4};
+use oocpt_abi::Features;
 use oocpt_core::TypedArray;
 use oocpt_core::inventory::TraversalUse;
-use oocpt_core::scene::{CurveBasis, CurveWrap, CurvesDesc, Interpolation, MeshDesc, Primvar, SceneDb, Shape};
+use oocpt_core::scene::{CurveBasis, CurveWrap, CurvesDesc, Interpolation, MeshDesc, PrimShape, Primvar, SceneDb};
 use oocpt_core::settings::{Settings, TraversalKind};
-use oocpt_render::{RenderRequest, Session, SessionOptions, Severity};
+use oocpt_render::{ForcedFeatures, RenderRequest, Session, SessionOptions, Severity};
 use std::sync::Arc;
 
 /// All images of a scene, and who walked its rays.
@@ -23,7 +24,20 @@ fn images(
     streams: bool,
     request: &RenderRequest,
 ) -> (Vec<Vec<u8>>, TraversalUse, Session) {
-    let options = SessionOptions { validation: true, force_streaming: streams, ..SessionOptions::default() };
+    images_with(build, settings, streams, Features::empty(), request)
+}
+
+/// The same with these features compiled in although the scene does not need them.
+fn images_with(
+    build: fn(&mut SceneDb),
+    settings: Settings,
+    streams: bool,
+    features: Features,
+    request: &RenderRequest,
+) -> (Vec<Vec<u8>>, TraversalUse, Session) {
+    let forced_features = ForcedFeatures { features, levels: false };
+    let options =
+        SessionOptions { validation: true, force_streaming: streams, forced_features, ..SessionOptions::default() };
     let session = Session::with_options(settings, options);
     session.set_light_files(Arc::new(TestFiles));
     session.with_scene(build);
@@ -155,7 +169,7 @@ fn clouds(db: &mut SceneDb) {
     let points = |path: &str, id: i32, count: u16| {
         let part = |i: u16, step: f32| 2.0 * (f32::from(i + 1) * step).fract() - 1.0;
         let places = (0..count).map(|i| [part(i, 0.754_877_7), part(i, 0.569_840_3), part(i, 0.381_966)]);
-        let shape = Shape::Points;
+        let shape = PrimShape::Points;
         MeshDesc {
             shape,
             widths: constant(0.08_f32),
@@ -199,14 +213,14 @@ fn veils(db: &mut SceneDb) {
         indices: None,
     };
     let tubes = MeshDesc {
-        shape: Shape::Curves(curves),
+        shape: PrimShape::Curves(curves),
         widths: constant(0.15_f32),
         display_opacity: constant(0.4_f32),
         points: TypedArray::of::<[f32; 3]>((0..40).flat_map(|i| (0..5).map(move |k| along(i, k))).collect()),
         ..mesh(prim("/tubes", DMat4::IDENTITY), 1, Vec::new(), &[], 0.5)
     };
     let balls = MeshDesc {
-        shape: Shape::Points,
+        shape: PrimShape::Points,
         widths: constant(0.3_f32),
         points: TypedArray::of::<[f32; 3]>((0..40).map(|i| along(i, i % 5)).collect()),
         prim: instanced(prim("/many/balls", DMat4::IDENTITY), "/many"),
@@ -232,8 +246,8 @@ fn both_backends_agree_on_partial_opacity_of_round_leaves() {
 #[test]
 fn the_traversal_backend_is_reported_with_its_reason() {
     let request = view(SCENES[8].eye, SCENES[8].target);
-    let by = |traversal, carry: &str| Settings { traversal, carry: carry.into(), ..settings(1, 1) };
-    let (_, used, session) = images(SCENES[8].build, by(TraversalKind::Auto, ""), false, &request);
+    let by = |traversal| Settings { traversal, ..settings(1, 1) };
+    let (_, used, session) = images(SCENES[8].build, by(TraversalKind::Auto), false, &request);
     let is_host = session.device_report().expect("a device").host_memory;
     assert_eq!(used.backend, if is_host { "native" } else { "compute" }, "{used:?}");
     assert!(used.why.contains("processor"), "{used:?}");
@@ -241,10 +255,10 @@ fn the_traversal_backend_is_reported_with_its_reason() {
         let inventory = session.stats().inventory;
         let of_trace = inventory.passes.iter().filter(|pass| pass.name.starts_with("intersect_"));
         assert!(of_trace.clone().count() == 2 && of_trace.clone().all(|pass| !pass.made), "not compiled for nothing");
-        let (_, used, _) = images(SCENES[8].build, by(TraversalKind::Native, "CUTOUTS"), false, &request);
+        let natively = |features| images_with(SCENES[8].build, by(TraversalKind::Native), false, features, &request).1;
+        let used = natively(Features::CUTOUTS);
         assert_eq!(used.backend, "native", "{used:?}");
-        let programs = "CUTOUTS,PATTERNS,CUTOUT_PROGRAMS";
-        let (_, used, _) = images(SCENES[8].build, by(TraversalKind::Native, programs), false, &request);
+        let used = natively(Features::CUTOUTS | Features::PATTERNS | Features::CUTOUT_PROGRAMS);
         assert!(used.backend == "compute" && used.why.contains("cutouts by programs"), "{used:?}");
     }
 }

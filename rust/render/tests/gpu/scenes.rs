@@ -21,7 +21,7 @@ pub(crate) fn instanced(mut prim: PrimDesc, instancer: &str) -> PrimDesc {
 }
 
 /// A constant primvar.
-pub(crate) fn constant<T: oocpt_core::Element + std::fmt::Debug>(value: T) -> Option<Primvar> {
+pub(crate) fn constant<T: oocpt_core::ArrayElement + std::fmt::Debug>(value: T) -> Option<Primvar> {
     Some(Primvar { interpolation: Interpolation::Constant, values: TypedArray::of(vec![value]), indices: None })
 }
 

@@ -6,7 +6,7 @@ use crate::error_estimate::{mirror, view, window};
 use crate::scenes::nested;
 use crate::support::{read, render, seeds, settings};
 use oocpt_core::scene::SceneDb;
-use oocpt_core::settings::{Settings, Value};
+use oocpt_core::settings::{SettingValue, Settings};
 use oocpt_render::{AovKind, RenderRequest, Session, SessionOptions};
 
 const SIZE: [u32; 2] = [20, 14];
@@ -14,7 +14,7 @@ const SEEDS: [u32; 2] = [24, 48];
 
 /// The picture of a seed, its three channels, and its samples.
 fn picture(session: &Session, view: &RenderRequest, seed: usize) -> (Vec<f64>, u32) {
-    session.set_setting("oocpt:seed", Value::Int(i64::try_from(seed).expect("small"))).expect("a seed");
+    session.set_setting("oocpt:seed", SettingValue::Int(i64::try_from(seed).expect("small"))).expect("a seed");
     render(session, view);
     let words = read::<f32>(session, view, AovKind::Color);
     let channels = words.iter().enumerate().filter(|(k, _)| k % 4 != 3).map(|(_, x)| f64::from(*x));

@@ -25,7 +25,7 @@ use oocpt_core::scene::{
 use oocpt_core::settings::{HostMapped, Settings};
 use oocpt_core::stats::StreamingStats;
 use oocpt_core::texture::linear_from_srgb;
-use oocpt_render::{AovKind, Faults, RenderRequest, Session, SessionOptions};
+use oocpt_render::{AovKind, PlantedFaults, RenderRequest, Session, SessionOptions};
 use std::sync::Arc;
 
 fn text(value: &str) -> ParamValue {
@@ -351,7 +351,7 @@ fn a_leaf_lost_when_deferred_is_noticed() {
     let whole = render(leaves, small_chunks(), options());
     let budget = smallest_budget(leaves).max(1 << 10);
     let settings = Settings { geometry_budget_kib: budget, ..small_chunks() };
-    let faults = Faults { lost_chunks: FAULT_ALL, ..Faults::default() };
+    let faults = PlantedFaults { lost_chunks: FAULT_ALL, ..PlantedFaults::default() };
     let planted = SessionOptions { force_streaming: true, faults, ..options() };
     let part = render(leaves, settings, planted);
     assert!(part.images != whole.images, "the comparison must see lost leaves");

@@ -1,36 +1,36 @@
 // SPDX-License-Identifier: Apache-2.0
 //! A function as blocks: which of them are reached, and what is written of them.
 
-use super::values::Values;
-use super::{Instruction, head, op};
+use super::values::KnownValues;
+use super::{SpirvInstruction, head, op};
 use std::collections::{HashMap, HashSet};
 
 /// A block from its label to its terminator.
 #[derive(Clone, Debug)]
-struct Block<'w> {
+struct BasicBlock<'w> {
     label: u32,
     /// Between the label and the end: no merge, no terminator.
-    body: Vec<Instruction<'w>>,
+    body: Vec<SpirvInstruction<'w>>,
     /// `OpSelectionMerge` or `OpLoopMerge`, if it is the header of something.
-    merge: Option<Instruction<'w>>,
-    end: End<'w>,
+    merge: Option<SpirvInstruction<'w>>,
+    end: BlockEnd<'w>,
 }
 
 /// How a block ends.
 #[derive(Clone, Copy, Debug)]
-enum End<'w> {
+enum BlockEnd<'w> {
     /// As it was.
-    As(Instruction<'w>),
+    As(SpirvInstruction<'w>),
     /// With a jump, once with a choice.
     Jump(u32),
 }
 
-impl Block<'_> {
+impl BasicBlock<'_> {
     /// Where it may go.
     fn targets(&self) -> Vec<u32> {
         match self.end {
-            End::Jump(to) => vec![to],
-            End::As(end) => match end.op {
+            BlockEnd::Jump(to) => vec![to],
+            BlockEnd::As(end) => match end.op {
                 op::BRANCH => vec![end.word(1)],
                 op::BRANCH_CONDITIONAL => vec![end.word(2), end.word(3)],
                 // The selector's type is not known here: with 32 bits a case is a literal and a label.
@@ -43,21 +43,21 @@ impl Block<'_> {
 
 /// What is left of a function.
 #[derive(Debug)]
-pub(crate) struct Function<'w> {
+pub(crate) struct SpirvFunction<'w> {
     pub(crate) id: u32,
     /// `OpFunction` and its parameters.
-    header: Vec<Instruction<'w>>,
+    header: Vec<SpirvInstruction<'w>>,
     /// Those that are reached, in order.
-    blocks: Vec<Block<'w>>,
+    blocks: Vec<BasicBlock<'w>>,
     /// Blocks that only a merge instruction names: by label, where a continue target goes back to.
     stubs: Vec<(u32, Option<u32>)>,
-    end: Instruction<'w>,
+    end: SpirvInstruction<'w>,
 }
 
-impl<'w> Function<'w> {
+impl<'w> SpirvFunction<'w> {
     /// A function, from `OpFunction` to `OpFunctionEnd`, without what its known conditions leave unreachable. `None`
     /// if it is not as expected.
-    pub(crate) fn folded(code: &[Instruction<'w>], mut values: Values) -> Option<Self> {
+    pub(crate) fn folded(code: &[SpirvInstruction<'w>], mut values: KnownValues) -> Option<Self> {
         let (&end, code) = code.split_last().filter(|(end, _)| end.op == op::FUNCTION_END)?;
         let first = code.iter().position(|instruction| instruction.op == op::LABEL)?;
         let (header, code) = code.split_at(first);
@@ -82,7 +82,7 @@ impl<'w> Function<'w> {
     pub(crate) fn results(&self) -> impl Iterator<Item = u32> {
         let labels = self.blocks.iter().map(|block| block.label).chain(self.stubs.iter().map(|stub| stub.0));
         let body = self.blocks.iter().flat_map(|block| &block.body);
-        labels.chain(self.header.iter().chain(body).filter_map(Instruction::result))
+        labels.chain(self.header.iter().chain(body).filter_map(SpirvInstruction::result))
     }
 
     /// Whether each loop that is left still has what a phi of its header takes from behind it: the shaders keep in
@@ -110,8 +110,8 @@ impl<'w> Function<'w> {
                 }
             }
             match block.end {
-                End::Jump(to) => out.extend([head(op::BRANCH, 2), to]),
-                End::As(end) => {
+                BlockEnd::Jump(to) => out.extend([head(op::BRANCH, 2), to]),
+                BlockEnd::As(end) => {
                     block.merge.iter().for_each(|merge| out.extend_from_slice(merge.words));
                     out.extend_from_slice(end.words);
                 }
@@ -129,7 +129,7 @@ impl<'w> Function<'w> {
 }
 
 /// A phi with the values of the blocks that are left before it.
-fn write_phi(phi: &Instruction<'_>, from: Option<&HashSet<u32>>, out: &mut Vec<u32>) {
+fn write_phi(phi: &SpirvInstruction<'_>, from: Option<&HashSet<u32>>, out: &mut Vec<u32>) {
     let at = out.len();
     out.extend([0, phi.word(1), phi.word(2)]);
     for pair in phi.words[3..].chunks_exact(2) {
@@ -142,7 +142,7 @@ fn write_phi(phi: &Instruction<'_>, from: Option<&HashSet<u32>>, out: &mut Vec<u
 }
 
 /// The blocks of a function's body.
-fn split<'w>(code: &[Instruction<'w>]) -> Option<Vec<Block<'w>>> {
+fn split<'w>(code: &[SpirvInstruction<'w>]) -> Option<Vec<BasicBlock<'w>>> {
     let is_end = |op| matches!(op, op::BRANCH..=op::UNREACHABLE);
     let mut blocks = Vec::new();
     for block in code.split_inclusive(|instruction| is_end(instruction.op)) {
@@ -152,14 +152,14 @@ fn split<'w>(code: &[Instruction<'w>]) -> Option<Vec<Block<'w>>> {
             Some((merge, body)) if matches!(merge.op, op::LOOP_MERGE | op::SELECTION_MERGE) => (Some(*merge), body),
             _ => (None, block),
         };
-        blocks.push(Block { label: label.word(1), body: body.to_vec(), merge, end: End::As(end) });
+        blocks.push(BasicBlock { label: label.word(1), body: body.to_vec(), merge, end: BlockEnd::As(end) });
     }
     Some(blocks)
 }
 
 /// Folds what is known, and gives the labels of the blocks that are reached. `None` if a block is first reached from
 /// one behind it: what was taken for known before may not be.
-fn reach(blocks: &mut [Block<'_>], values: &mut Values) -> Option<HashSet<u32>> {
+fn reach(blocks: &mut [BasicBlock<'_>], values: &mut KnownValues) -> Option<HashSet<u32>> {
     let mut reached: HashSet<u32> = blocks.first().map(|block| block.label).into_iter().collect();
     // Edges that may be taken, and blocks that were looked at.
     let mut edges: HashSet<(u32, u32)> = HashSet::new();
@@ -177,12 +177,12 @@ fn reach(blocks: &mut [Block<'_>], values: &mut Values) -> Option<HashSet<u32>> 
             values.note(instruction.word(2), value.filter(|_| instruction.result().is_some()));
         }
         let is_selection = block.merge.is_some_and(|merge| merge.op == op::SELECTION_MERGE);
-        if let End::As(end) = block.end
+        if let BlockEnd::As(end) = block.end
             && end.op == op::BRANCH_CONDITIONAL
             && is_selection
             && let Some(condition) = values.get(end.word(1))
         {
-            block.end = End::Jump(if condition == 1 { end.word(2) } else { end.word(3) });
+            block.end = BlockEnd::Jump(if condition == 1 { end.word(2) } else { end.word(3) });
             block.merge = None;
         }
         for target in block.targets() {
@@ -198,9 +198,9 @@ fn reach(blocks: &mut [Block<'_>], values: &mut Values) -> Option<HashSet<u32>> 
 
 /// The value of a phi, if all edges that lead to it are known and bring the same.
 fn phi_value(
-    phi: &Instruction<'_>,
+    phi: &SpirvInstruction<'_>,
     label: u32,
-    values: &Values,
+    values: &KnownValues,
     edges: &HashSet<(u32, u32)>,
     done: &HashSet<u32>,
 ) -> Option<u32> {
@@ -222,7 +222,7 @@ fn phi_value(
 }
 
 /// Blocks that are not reached, but named by merges of those that are.
-fn stubs(blocks: &[Block<'_>], reached: &HashSet<u32>) -> Vec<(u32, Option<u32>)> {
+fn stubs(blocks: &[BasicBlock<'_>], reached: &HashSet<u32>) -> Vec<(u32, Option<u32>)> {
     let mut stubs: Vec<(u32, Option<u32>)> = Vec::new();
     for block in blocks.iter().filter(|block| reached.contains(&block.label)) {
         let Some(merge) = block.merge else { continue };

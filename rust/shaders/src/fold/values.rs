@@ -1,21 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
 //! What is known of the values of 32-bit integers and booleans.
 
-use super::{Instruction, op};
+use super::{SpirvInstruction, op};
 use std::collections::HashMap;
 
 /// Known values by id; booleans are 0 and 1.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Values {
+pub(crate) struct KnownValues {
     known: HashMap<u32, u32>,
 }
 
-impl Values {
+impl KnownValues {
     /// Those of the global section, with specialisation constants `(id, value)`.
-    pub(crate) fn of_globals(global: &[Instruction<'_>], spec: &[(u32, u32)]) -> Self {
+    pub(crate) fn of_globals(global: &[SpirvInstruction<'_>], spec: &[(u32, u32)]) -> Self {
         const SPEC_ID: u32 = 1;
         const WORD_BITS: u32 = 32;
-        let decorated = |i: &&Instruction<'_>| i.op == op::DECORATE && i.word(2) == SPEC_ID;
+        let decorated = |i: &&SpirvInstruction<'_>| i.op == op::DECORATE && i.word(2) == SPEC_ID;
         let spec_ids: HashMap<u32, u32> = global.iter().filter(decorated).map(|i| (i.word(1), i.word(3))).collect();
         let given = |id| spec_ids.get(&id).and_then(|spec_id| spec.iter().find(|(given, _)| given == spec_id));
         let integers: Vec<u32> =
@@ -95,7 +95,7 @@ mod tests {
     /// Each operation by its number in the SPIR-V specification, at values that tell it from its neighbours.
     #[test]
     fn every_operation_gives_its_known_result() {
-        let mut values = Values::default();
+        let mut values = KnownValues::default();
         for (id, value) in [(1, 0), (2, 1), (3, 6), (4, 3)] {
             values.note(id, Some(value));
         }

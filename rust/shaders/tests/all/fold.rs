@@ -3,7 +3,7 @@
 //! one and the same of both.
 
 use oocpt_abi::{FEATURES, Features, SPEC_MAX_LEVELS, SPEC_STACK_SIZE};
-use oocpt_shaders::{ALL, Module, checks, passes};
+use oocpt_shaders::{ALL, ShaderModule, checks, passes};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -90,7 +90,7 @@ fn without_numbers(line: &str) -> String {
     line.split(' ').map(word).collect::<Vec<_>>().join(" ")
 }
 
-fn check(folder: &Folder, module: &Module, features: Features) {
+fn check(folder: &Folder, module: &ShaderModule, features: Features) {
     let spec = spec(features);
     let words = module.specialised(&spec);
     assert!(words.len() < module.words.len(), "{} stays as it is", module.name);
@@ -137,7 +137,7 @@ fn folding_preserves_large_passes_with_some_features() {
 
 #[test]
 fn folding_removes_what_a_minimal_scene_does_not_need() {
-    let words = |module: &Module, features| module.specialised(&spec(features)).len();
+    let words = |module: &ShaderModule, features| module.specialised(&spec(features)).len();
     for (module, most) in [(&passes::SHADE_SURFACE, 0.25), (&passes::INTERSECT_CLOSEST, 0.6)] {
         #[allow(clippy::cast_precision_loss, reason = "some hundred thousand")]
         let share = words(module, Features::empty()) as f64 / module.words.len() as f64;
@@ -148,7 +148,7 @@ fn folding_removes_what_a_minimal_scene_does_not_need() {
 /// What reads random numbers of a hit is in passes that shade mixtures, and in no other.
 #[test]
 fn without_mixtures_there_are_no_numbers_for_them() {
-    let words = |module: &Module, features| module.specialised(&spec(with_needs(features))).len();
+    let words = |module: &ShaderModule, features| module.specialised(&spec(with_needs(features))).len();
     let patterns =
         Features::PATTERNS | Features::CUTOUT_PROGRAMS | Features::MESH_LIGHT_PROGRAMS | Features::SHADED_AOVS;
     let mixtures = patterns | Features::MIXTURES;
@@ -177,10 +177,10 @@ fn without_images_of_shading_there_are_no_materials_in_their_pass() {
 #[test]
 fn folding_leaves_an_invalid_module_unchanged() {
     static JUNK: [u32; 8] = [0x0723_0203, 0x0001_0500, 0, 9, 0, 0xffff_0036, 1, 2];
-    let junk = Module { words: &JUNK, ..passes::RESOLVE };
+    let junk = ShaderModule { words: &JUNK, ..passes::RESOLVE };
     assert_eq!(junk.specialised(&[]), JUNK.as_slice());
     for cut in (0..passes::RESOLVE.words.len()).step_by(97) {
-        let cut = Module { words: &passes::RESOLVE.words[..cut], ..passes::RESOLVE };
+        let cut = ShaderModule { words: &passes::RESOLVE.words[..cut], ..passes::RESOLVE };
         let _neither_panics_nor_hangs = cut.specialised(&spec(Features::empty()));
     }
 }

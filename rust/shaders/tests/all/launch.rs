@@ -2,9 +2,9 @@
 //! Launch arithmetic: workgroup counts, wave numbering, hit strides.
 
 use oocpt_abi::{
-    Counters, Frame, GpuChunkInstance, Push, PushFlags, RAY_WORD_BOUNCE, RAY_WORD_FLAGS, RAY_WORD_IN_SHADOW,
-    RAY_WORD_T_MAX, Ray, ShadowRay, WORKGROUP_SIZE, groups, hit_stride, pack_band, pack_color, unpack_band,
-    unpack_color,
+    FrameConstants, GpuChunkInstance, PushConstants, PushFlags, RAY_WORD_BOUNCE, RAY_WORD_FLAGS, RAY_WORD_IN_SHADOW,
+    RAY_WORD_T_MAX, Ray, ShadowRay, WORKGROUP_SIZE, WavefrontCounters, groups, hit_stride, pack_band, pack_color,
+    unpack_band, unpack_color,
 };
 
 #[test]
@@ -20,21 +20,24 @@ fn groups_cover_the_threads_and_stay_in_limits() {
 
 #[test]
 fn a_wave_starts_at_its_first_path() {
-    let push = Push::wave(16, 1_000_000_007, 4096, 1000);
+    let push = PushConstants::wave(16, 1_000_000_007, 4096, 1000);
     assert_eq!((push.first_sample, push.first_pixel, push.path_count), (1_000_000, 7, 4096));
     assert_eq!((push.with(3, 1).round, push.with(3, 1).arg0, push.with(3, 1).first_pixel), (3, 1, 7));
     assert_eq!(push.flagged(PushFlags::AOVS).with(0, 1).flags, 1, "a wave keeps its flags");
-    assert_eq!(Push::wave(16, 5, 1, 0).first_pixel, 0, "an empty image divides by nothing");
+    assert_eq!(PushConstants::wave(16, 5, 1, 0).first_pixel, 0, "an empty image divides by nothing");
 }
 
 #[test]
 fn struct_sizes_match_the_shaders() {
     assert_eq!([1, 3, 4, 7, 8].map(hit_stride), [32, 32, 48, 48, 64]);
-    assert_eq!(size_of::<Push>(), 32);
+    assert_eq!(size_of::<PushConstants>(), 32);
     assert_eq!([size_of::<Ray>(), size_of::<ShadowRay>(), size_of::<GpuChunkInstance>()], [48, 64, 80]);
-    assert_eq!(size_of::<Frame>() % 8, 0);
-    assert_eq!((Counters::TOTALS_BYTES, Counters::RAY_ARGS, Counters::SHADOW_ARGS), (40, 96, 132));
-    assert_eq!(Counters::TRACE_ARGS, 188);
+    assert_eq!(size_of::<FrameConstants>() % 8, 0);
+    assert_eq!(
+        (WavefrontCounters::TOTALS_BYTES, WavefrontCounters::RAY_ARGS, WavefrontCounters::SHADOW_ARGS),
+        (40, 96, 132)
+    );
+    assert_eq!(WavefrontCounters::TRACE_ARGS, 188);
 }
 
 #[test]
@@ -56,7 +59,7 @@ fn bands_and_rows_pack_into_one_word() {
         assert_eq!(unpack_band(pack_band(band, row)), (band, row), "{band}, {row}");
     }
     assert_eq!(pack_band(3, 7), 0x0c00_0007, "the bits that the passes read");
-    let push = Push::wave(1, 0, 64, 100).in_band(3, 7);
+    let push = PushConstants::wave(1, 0, 64, 100).in_band(3, 7);
     assert_eq!(unpack_band(push.first_sample), (3, 7), "of a wave");
 }
 

@@ -4,20 +4,20 @@
 #[path = "../../build/check.rs"]
 mod check;
 
-use check::{Layout, Member};
+use check::{HostLayout, HostMember};
 use oocpt_abi::LAYOUTS;
-use oocpt_shaders::{ALL, Module, passes};
+use oocpt_shaders::{ALL, ShaderModule, passes};
 use std::collections::BTreeSet;
 
-fn layouts() -> Vec<Layout> {
-    let member = |name: &str, offset: usize, size: usize| Member {
+fn layouts() -> Vec<HostLayout> {
+    let member = |name: &str, offset: usize, size: usize| HostMember {
         name: name.to_owned(),
         offset: offset as u64,
         size: size as u64,
     };
     LAYOUTS
         .iter()
-        .map(|layout| Layout {
+        .map(|layout| HostLayout {
             name: layout.name.to_owned(),
             size: layout.size as u64,
             members: layout.members.iter().map(|m| member(m.name, m.offset, m.size)).collect(),
@@ -26,7 +26,7 @@ fn layouts() -> Vec<Layout> {
 }
 
 /// The error that `check` gives for `module` after `plant` has changed what Rust says of the struct `name`.
-fn planted(module: &Module, name: &str, plant: impl FnOnce(&mut Layout)) -> String {
+fn planted(module: &ShaderModule, name: &str, plant: impl FnOnce(&mut HostLayout)) -> String {
     let mut layouts = layouts();
     plant(layouts.iter_mut().find(|layout| layout.name == name).expect("known struct"));
     check::check(module.words, &layouts).expect_err("the planted difference must be seen")
@@ -38,14 +38,22 @@ fn shaders_agree_with_rust() {
     for module in ALL {
         seen.extend(check::check(module.words, &layouts()).expect(module.name));
     }
-    for name in ["Frame", "Push", "Counters", "GpuInstance", "GpuMesh", "GpuInfiniteLight", "FilmPixel"] {
+    for name in [
+        "FrameConstants",
+        "PushConstants",
+        "WavefrontCounters",
+        "GpuInstance",
+        "GpuMesh",
+        "GpuInfiniteLight",
+        "FilmPixel",
+    ] {
         assert!(seen.contains(name), "{name} is in no pass");
     }
 }
 
 #[test]
 fn a_moved_member_is_seen() {
-    let error = planted(&passes::SHADE_SURFACE, "Frame", |frame| {
+    let error = planted(&passes::SHADE_SURFACE, "FrameConstants", |frame| {
         frame.members.iter_mut().find(|m| m.name == "focus").expect("member").offset += 4;
     });
     assert!(error.contains("focus"), "{error}");
@@ -66,7 +74,7 @@ fn a_member_of_another_size_is_seen() {
 #[test]
 fn a_missing_member_is_seen() {
     let mut left = 0;
-    let error = planted(&passes::PREPARE_DISPATCH, "Counters", |counters| {
+    let error = planted(&passes::PREPARE_DISPATCH, "WavefrontCounters", |counters| {
         counters.members.pop();
         left = counters.members.len();
     });
@@ -82,7 +90,7 @@ fn another_array_stride_is_seen() {
 #[test]
 fn an_unknown_struct_is_seen() {
     let mut layouts = layouts();
-    layouts.retain(|layout| layout.name != "Push");
-    let error = check::check(passes::RESOLVE.words, &layouts).expect_err("Push is unknown");
-    assert!(error.contains("Push: in memory, but Rust does not know it"), "{error}");
+    layouts.retain(|layout| layout.name != "PushConstants");
+    let error = check::check(passes::RESOLVE.words, &layouts).expect_err("PushConstants is unknown");
+    assert!(error.contains("PushConstants: in memory, but Rust does not know it"), "{error}");
 }

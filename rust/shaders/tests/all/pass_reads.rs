@@ -3,7 +3,7 @@
 //! is the same module whatever else they say.
 
 use oocpt_abi::{Features, SPEC_MAX_LEVELS, SPEC_STACK_SIZE};
-use oocpt_shaders::{ALL, Module, checks};
+use oocpt_shaders::{ALL, ShaderModule, checks};
 use std::path::Path;
 use std::process::Command;
 
@@ -18,7 +18,7 @@ const PASSES: [&str; 6] = [
 ];
 
 /// The module at `folder` with these features, levels and stack entries.
-fn folded(module: &Module, folder: &Path, features: Features, levels: u32, stack: u32) -> Vec<u8> {
+fn folded(module: &ShaderModule, folder: &Path, features: Features, levels: u32, stack: u32) -> Vec<u8> {
     let [(low, low_bits), (high, high_bits)] = features.constants();
     let from = folder.join(format!("{}.spv", module.name));
     let to = folder.join("folded.spv");
@@ -40,7 +40,7 @@ fn folded(module: &Module, folder: &Path, features: Features, levels: u32, stack
 }
 
 /// Compares each of `modules` with and without all that it does not read.
-fn compare<'m>(name: &str, modules: impl IntoIterator<Item = &'m Module>) {
+fn compare<'m>(name: &str, modules: impl IntoIterator<Item = &'m ShaderModule>) {
     let folder = std::env::temp_dir().join(format!("oocpt-uses-{name}-{}", std::process::id()));
     std::fs::create_dir_all(&folder).expect("a folder");
     for module in modules {

@@ -2,7 +2,7 @@
 //! The table of passes: every shader has its row, and `shaders/README.md` shows it as it is.
 
 use oocpt_abi::Features;
-use oocpt_shaders::{ALL, Image, PASSES, Pass, document};
+use oocpt_shaders::{ALL, PASSES, Pass, PassImage, document};
 use std::path::Path;
 
 #[test]
@@ -26,8 +26,8 @@ fn conditions_take_features_and_images() {
     assert!(has(Pass::ResolveMaterials, textured, None) && !has(Pass::ResolveLights, textured, None));
     let lights = textured | Features::MESH_LIGHT_VALUES;
     assert!(!has(Pass::ResolveMaterials, lights, None) && has(Pass::ResolveLights, lights, None), "one of the two");
-    assert!(!has(Pass::ShadeAovs, lights, None) && has(Pass::ShadeAovs, lights, Some(Image::PixelCentres)));
-    assert!(!has(Pass::CountSamples, lights, Some(Image::PixelCentres)));
+    assert!(!has(Pass::ShadeAovs, lights, None) && has(Pass::ShadeAovs, lights, Some(PassImage::PixelCentres)));
+    assert!(!has(Pass::CountSamples, lights, Some(PassImage::PixelCentres)));
 }
 
 #[test]

@@ -3,7 +3,7 @@
 
 use std::collections::HashMap;
 
-use oocpt_subdiv::{Channel, Control, Data, Facets, LimitSurface, Values};
+use oocpt_subdiv::{ControlMesh, FaceVaryingChannel, LimitFacets, LimitSurface, PackedValues, SurfaceData};
 
 /// A bumpy grid of `side` squared quads, with texture coordinates that have a seam in the middle.
 struct Grid {
@@ -33,19 +33,19 @@ fn grid(side: i32) -> Grid {
     }
 }
 
-fn tessellate(grid: &Grid, rates: impl Fn(usize) -> i32) -> Facets {
-    let channels = [Channel { corners: &grid.places, count: grid.coordinates.len() / 2 }];
-    let control = Control {
+fn tessellate(grid: &Grid, rates: impl Fn(usize) -> i32) -> LimitFacets {
+    let channels = [FaceVaryingChannel { corners: &grid.places, count: grid.coordinates.len() / 2 }];
+    let control = ControlMesh {
         point_count: grid.positions.len() / 3,
         face_counts: &grid.counts,
         face_points: &grid.corners,
         channels: &channels,
-        ..Control::default()
+        ..ControlMesh::default()
     };
     let surface = LimitSurface::new(&control).expect("a surface");
     let rates: Vec<i32> = (0..surface.edges().len()).map(rates).collect();
-    let values = [Values { width: 2, floats: &grid.coordinates }];
-    let data = Data { positions: &grid.positions, channels: &values, ..Data::default() };
+    let values = [PackedValues { width: 2, floats: &grid.coordinates }];
+    let data = SurfaceData { positions: &grid.positions, channels: &values, ..SurfaceData::default() };
     surface.tessellate(&rates, &data).expect("facets")
 }
 
@@ -62,7 +62,7 @@ fn any_number_of_threads_gives_the_same_bits() {
     for threads in [2, 3, 16] {
         let other = with(threads);
         assert!(one == other, "{threads} threads");
-        let bits = |facets: &Facets| facets.positions.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
+        let bits = |facets: &LimitFacets| facets.positions.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
         assert_eq!(bits(&one), bits(&other), "{threads} threads");
     }
 }

@@ -3,14 +3,19 @@
 #![allow(clippy::cast_possible_truncation, reason = "small numbers")]
 
 use oocpt_subdiv::{
-    Boundary, Channel, Control, Creasing, Data, Error, FaceVaryingLinear, LimitSurface, Rules, Scheme, TriangleRule,
-    Values,
+    BoundaryRule, ControlMesh, CreaseRule, Error, FaceVaryingChannel, FaceVaryingLinear, LimitSurface, PackedValues,
+    SubdivisionRules, SubdivisionScheme, SurfaceData, TriangleRule,
 };
 use proptest::prelude::*;
 
-fn rules() -> impl Strategy<Value = Rules> {
-    let scheme = prop_oneof![Just(Scheme::CatmullClark), Just(Scheme::Loop), Just(Scheme::Bilinear)];
-    let boundary = prop_oneof![Just(Boundary::None), Just(Boundary::EdgeOnly), Just(Boundary::EdgeAndCorner)];
+fn rules() -> impl Strategy<Value = SubdivisionRules> {
+    let scheme = prop_oneof![
+        Just(SubdivisionScheme::CatmullClark),
+        Just(SubdivisionScheme::Loop),
+        Just(SubdivisionScheme::Bilinear)
+    ];
+    let boundary =
+        prop_oneof![Just(BoundaryRule::None), Just(BoundaryRule::EdgeOnly), Just(BoundaryRule::EdgeAndCorner)];
     let linear = prop_oneof![
         Just(FaceVaryingLinear::None),
         Just(FaceVaryingLinear::CornersOnly),
@@ -19,12 +24,14 @@ fn rules() -> impl Strategy<Value = Rules> {
         Just(FaceVaryingLinear::Boundaries),
         Just(FaceVaryingLinear::All),
     ];
-    (scheme, boundary, linear, any::<bool>(), any::<bool>()).prop_map(|(scheme, boundary, face_varying, a, b)| Rules {
-        scheme,
-        boundary,
-        face_varying,
-        triangles: if a { TriangleRule::Smooth } else { TriangleRule::CatmullClark },
-        creasing: if b { Creasing::Chaikin } else { Creasing::Uniform },
+    (scheme, boundary, linear, any::<bool>(), any::<bool>()).prop_map(|(scheme, boundary, face_varying, a, b)| {
+        SubdivisionRules {
+            scheme,
+            boundary,
+            face_varying,
+            triangles: if a { TriangleRule::Smooth } else { TriangleRule::CatmullClark },
+            creasing: if b { CreaseRule::Chaikin } else { CreaseRule::Uniform },
+        }
     })
 }
 
@@ -55,8 +62,8 @@ proptest! {
         let pairs: Vec<i32> = creases.iter().flat_map(|&(a, b, _)| [a, b]).collect();
         let weights: Vec<f32> = creases.iter().map(|crease| crease.2).collect();
         let holes: Vec<i32> = holes.into_iter().filter(|&hole| hole < i32::try_from(faces.len()).unwrap()).collect();
-        let channels = [Channel { corners: &numbers[..points.len()], count: 9 }];
-        let control = Control {
+        let channels = [FaceVaryingChannel { corners: &numbers[..points.len()], count: 9 }];
+        let control = ControlMesh {
             rules,
             point_count: 12,
             face_counts: &counts,
@@ -69,14 +76,14 @@ proptest! {
             channels: &channels,
         };
         let Ok(surface) = LimitSurface::new(&control) else {
-            let is_odd = rules.scheme == Scheme::Loop && counts.iter().any(|&count| count != 3);
+            let is_odd = rules.scheme == SubdivisionScheme::Loop && counts.iter().any(|&count| count != 3);
             prop_assert!(is_odd, "only this is refused here");
             return Ok(());
         };
         let rates: Vec<i32> = (0..surface.edges().len()).map(|edge| 1 + (rate + i32::try_from(edge).unwrap()) % 8).collect();
         let floats = [0.5_f32; 18];
-        let values = [Values { width: 2, floats: &floats }];
-        let data = Data { positions: &positions, channels: &values, ..Data::default() };
+        let values = [PackedValues { width: 2, floats: &floats }];
+        let data = SurfaceData { positions: &positions, channels: &values, ..SurfaceData::default() };
         let facets = surface.tessellate(&rates, &data).unwrap();
         let vertices = facets.positions.len() / 3;
         prop_assert!(facets.triangles.iter().all(|&v| (v as usize) < vertices), "vertices in range");
@@ -88,11 +95,11 @@ proptest! {
 }
 
 /// A quad, changed.
-fn quad<'a>() -> Control<'a> {
-    Control { point_count: 4, face_counts: &[4], face_points: &[0, 1, 2, 3], ..Control::default() }
+fn quad<'a>() -> ControlMesh<'a> {
+    ControlMesh { point_count: 4, face_counts: &[4], face_points: &[0, 1, 2, 3], ..ControlMesh::default() }
 }
 
-fn refusal(control: &Control<'_>) -> String {
+fn refusal(control: &ControlMesh<'_>) -> String {
     LimitSurface::new(control).unwrap_err().to_string()
 }
 
@@ -100,26 +107,35 @@ fn refusal(control: &Control<'_>) -> String {
 fn inconsistent_topology_is_refused() {
     assert!(LimitSurface::new(&quad()).is_ok(), "the quad itself is fine");
     let cases = [
-        ("a corner of a face names no point", Control { face_points: &[0, 1, 2, 4], ..quad() }),
-        ("a corner of a face names no point", Control { face_points: &[0, 1, 2, -1], ..quad() }),
-        ("a face has a point twice", Control { face_points: &[0, 1, 2, 1], ..quad() }),
-        ("a face has too few or too many points", Control { face_counts: &[2, 2], ..quad() }),
-        ("a face has too few or too many points", Control { face_counts: &[-4], ..quad() }),
-        ("faces have more corners than there are", Control { face_counts: &[4, 3], ..quad() }),
-        ("corners that belong to no face", Control { face_counts: &[3], ..quad() }),
-        ("a crease names no point", Control { crease_pairs: &[0, 4], crease_weights: &[1.0], ..quad() }),
-        ("one sharpness for each sharp edge", Control { crease_pairs: &[0, 1], ..quad() }),
+        ("a corner of a face names no point", ControlMesh { face_points: &[0, 1, 2, 4], ..quad() }),
+        ("a corner of a face names no point", ControlMesh { face_points: &[0, 1, 2, -1], ..quad() }),
+        ("a face has a point twice", ControlMesh { face_points: &[0, 1, 2, 1], ..quad() }),
+        ("a face has too few or too many points", ControlMesh { face_counts: &[2, 2], ..quad() }),
+        ("a face has too few or too many points", ControlMesh { face_counts: &[-4], ..quad() }),
+        ("faces have more corners than there are", ControlMesh { face_counts: &[4, 3], ..quad() }),
+        ("corners that belong to no face", ControlMesh { face_counts: &[3], ..quad() }),
+        ("a crease names no point", ControlMesh { crease_pairs: &[0, 4], crease_weights: &[1.0], ..quad() }),
+        ("one sharpness for each sharp edge", ControlMesh { crease_pairs: &[0, 1], ..quad() }),
         (
             "a sharpness is not a number from 0 on",
-            Control { corner_points: &[0], corner_weights: &[f32::NAN], ..quad() },
+            ControlMesh { corner_points: &[0], corner_weights: &[f32::NAN], ..quad() },
         ),
-        ("one sharpness for each sharp point", Control { corner_points: &[0], ..quad() }),
-        ("a hole names no face", Control { holes: &[1], ..quad() }),
-        ("one value for each corner", Control { channels: &[Channel { corners: &[0], count: 1 }], ..quad() }),
-        ("a corner names no value", Control { channels: &[Channel { corners: &[0, 0, 0, 1], count: 1 }], ..quad() }),
+        ("one sharpness for each sharp point", ControlMesh { corner_points: &[0], ..quad() }),
+        ("a hole names no face", ControlMesh { holes: &[1], ..quad() }),
+        (
+            "one value for each corner",
+            ControlMesh { channels: &[FaceVaryingChannel { corners: &[0], count: 1 }], ..quad() },
+        ),
+        (
+            "a corner names no value",
+            ControlMesh { channels: &[FaceVaryingChannel { corners: &[0, 0, 0, 1], count: 1 }], ..quad() },
+        ),
         (
             "Loop's scheme subdivides triangles only",
-            Control { rules: Rules { scheme: Scheme::Loop, ..Rules::default() }, ..quad() },
+            ControlMesh {
+                rules: SubdivisionRules { scheme: SubdivisionScheme::Loop, ..SubdivisionRules::default() },
+                ..quad()
+            },
         ),
     ];
     for (reason, control) in cases {
@@ -127,7 +143,7 @@ fn inconsistent_topology_is_refused() {
     }
     let fan: Vec<i32> = (0..4000).flat_map(|k| [0, k + 1, k + 2]).collect();
     let counts = vec![3; 4000];
-    let fan = Control { point_count: 4002, face_counts: &counts, face_points: &fan, ..Control::default() };
+    let fan = ControlMesh { point_count: 4002, face_counts: &counts, face_points: &fan, ..ControlMesh::default() };
     assert_eq!(refusal(&fan), "too many faces meet at a point");
 }
 
@@ -135,14 +151,18 @@ fn inconsistent_topology_is_refused() {
 fn rates_and_values_must_fit() {
     let surface = LimitSurface::new(&quad()).unwrap();
     let positions = [0.0; 12];
-    let data = Data { positions: &positions, ..Data::default() };
-    let fails = |rates: &[i32], data: &Data<'_>| matches!(surface.tessellate(rates, data), Err(Error::Invalid(_)));
+    let data = SurfaceData { positions: &positions, ..SurfaceData::default() };
+    let fails =
+        |rates: &[i32], data: &SurfaceData<'_>| matches!(surface.tessellate(rates, data), Err(Error::Invalid(_)));
     assert!(surface.tessellate(&[1, 2, 3, 4], &data).is_ok(), "fits");
     assert!(fails(&[1, 2, 3], &data), "a rate is missing");
     assert!(fails(&[1, 2, 3, 0], &data) && fails(&[1, 2, 3, 2049], &data), "rates are from 1 to 2048");
-    assert!(fails(&[1; 4], &Data { positions: &positions[1..], ..data }), "a position is missing");
-    assert!(fails(&[1; 4], &Data { vertex: Values { width: 2, floats: &[0.0; 7] }, ..data }), "half a value");
-    assert!(fails(&[1; 4], &Data { channels: &[Values::default()], ..data }), "a channel too many");
+    assert!(fails(&[1; 4], &SurfaceData { positions: &positions[1..], ..data }), "a position is missing");
+    assert!(
+        fails(&[1; 4], &SurfaceData { vertex: PackedValues { width: 2, floats: &[0.0; 7] }, ..data }),
+        "half a value"
+    );
+    assert!(fails(&[1; 4], &SurfaceData { channels: &[PackedValues::default()], ..data }), "a channel too many");
 }
 
 /// A fan of `count` triangles around a point, whose edges have all kinds of sharpness up to `sharpness`.
@@ -152,18 +172,18 @@ fn fan(count: i32, sharpness: f32) -> Result<usize, Error> {
     let pairs: Vec<i32> = (0..count).flat_map(|k| [0, k + 1]).collect();
     let weights: Vec<f32> = (0..37_u8).cycle().take(number).map(|k| sharpness * f32::from(k) * 0.1).collect();
     let is_sharp = sharpness > 0.0;
-    let control = Control {
+    let control = ControlMesh {
         point_count: number + 1,
         face_counts: &vec![3; number],
         face_points: &corners,
         crease_pairs: if is_sharp { &pairs } else { &[] },
         crease_weights: if is_sharp { &weights } else { &[] },
-        ..Control::default()
+        ..ControlMesh::default()
     };
     let surface = LimitSurface::new(&control)?;
     let around = |k: i32| [(k as f32).cos(), (k as f32).sin(), 0.0];
     let positions: Vec<f32> = (0..=count).flat_map(around).collect();
-    let data = Data { positions: &positions, ..Data::default() };
+    let data = SurfaceData { positions: &positions, ..SurfaceData::default() };
     Ok(surface.tessellate(&vec![1; surface.edges().len()], &data)?.triangles.len() / 3)
 }
 
@@ -175,9 +195,10 @@ fn high_valence_points_terminate() {
     assert_eq!(fan(257, 0.0), Err(Error::Invalid("too many faces meet at a point")));
     assert_eq!(fan(200, 1.0), Err(Error::Invalid("too many faces meet at too many points")));
     let corners: Vec<i32> = (0..256).collect();
-    let polygon = Control { point_count: 256, face_counts: &[256], face_points: &corners, ..Control::default() };
+    let polygon =
+        ControlMesh { point_count: 256, face_counts: &[256], face_points: &corners, ..ControlMesh::default() };
     let surface = LimitSurface::new(&polygon).unwrap();
     let positions = vec![0.5; 3 * 256];
-    let data = Data { positions: &positions, ..Data::default() };
+    let data = SurfaceData { positions: &positions, ..SurfaceData::default() };
     assert!(surface.tessellate(&vec![2; 256], &data).is_ok(), "a face with many points");
 }

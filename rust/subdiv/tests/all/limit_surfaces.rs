@@ -5,12 +5,15 @@
 use std::collections::HashMap;
 
 use crate::shapes::{Shape, cube, grid, octahedron};
-use oocpt_subdiv::{Boundary, Channel, Control, Data, FaceVaryingLinear, Facets, LimitSurface, Rules, Scheme, Values};
+use oocpt_subdiv::{
+    BoundaryRule, ControlMesh, FaceVaryingChannel, FaceVaryingLinear, LimitFacets, LimitSurface, PackedValues,
+    SubdivisionRules, SubdivisionScheme, SurfaceData,
+};
 
-fn tessellate(shape: &Shape, control: &Control<'_>, pieces: impl Fn(usize) -> i32) -> Facets {
+fn tessellate(shape: &Shape, control: &ControlMesh<'_>, pieces: impl Fn(usize) -> i32) -> LimitFacets {
     let surface = LimitSurface::new(control).unwrap();
     let rates: Vec<i32> = (0..surface.edges().len()).map(pieces).collect();
-    surface.tessellate(&rates, &Data { positions: shape.positions(), ..Data::default() }).unwrap()
+    surface.tessellate(&rates, &SurfaceData { positions: shape.positions(), ..SurfaceData::default() }).unwrap()
 }
 
 fn vec3(floats: &[f32], at: usize) -> [f64; 3] {
@@ -31,7 +34,7 @@ fn normalized(a: [f64; 3]) -> [f64; 3] {
 #[test]
 fn cube_corners_reach_their_limit_positions() {
     let shape = cube();
-    let facets = tessellate(&shape, &shape.control(Rules::default()), |_| 1);
+    let facets = tessellate(&shape, &shape.control(SubdivisionRules::default()), |_| 1);
     // By symmetry all coordinates have one size. One step takes the corner (1, 1, 1) to 5/9, edge points to
     // (0, 3/4, 3/4), face points to (0, 0, 1); then 9 * 5/9 + 4 * 2 * 3/4 + 1 = 12, over 24.
     let expected = 0.5;
@@ -48,7 +51,8 @@ fn inside_a_grid_the_surface_is_a_bicubic_spline() {
     // Control points off a plane by a polynomial.
     let height = |x: f64, y: f64| 0.3 * x * x * y - 0.2 * y * y + 0.05 * x * y * y * y;
     let shape = grid(7, |x, y| [x, y, height(x, y)]);
-    let facets = tessellate(&shape, &shape.control(Rules::default()), |edge| 1 + i32::try_from(edge % 5).unwrap());
+    let facets =
+        tessellate(&shape, &shape.control(SubdivisionRules::default()), |edge| 1 + i32::try_from(edge % 5).unwrap());
     // The uniform cubic B-spline of values at whole numbers, and its slope.
     let basis = |t: f64| {
         [
@@ -87,7 +91,11 @@ fn loop_limit_points_match_the_box_spline() {
     let height = |x: f64, y: f64| 0.1 * x * x - 0.3 * x * y + 0.02 * y * y * y;
     let quads = grid(7, |x, y| [x, y, height(x, y)]);
     let shape = quads.split_into_triangles();
-    let facets = tessellate(&shape, &shape.control(Rules { scheme: Scheme::Loop, ..Rules::default() }), |_| 1);
+    let facets = tessellate(
+        &shape,
+        &shape.control(SubdivisionRules { scheme: SubdivisionScheme::Loop, ..SubdivisionRules::default() }),
+        |_| 1,
+    );
     let mut tested = 0;
     for at in 0..facets.positions.len() / 3 {
         let [x, y, z] = vec3(&facets.positions, at);
@@ -108,7 +116,8 @@ fn edges_that_are_infinitely_sharp_keep_a_cube_a_cube() {
     let shape = cube();
     let pairs = shape.edges();
     let weights = vec![10.0; pairs.len() / 2];
-    let control = Control { crease_pairs: &pairs, crease_weights: &weights, ..shape.control(Rules::default()) };
+    let control =
+        ControlMesh { crease_pairs: &pairs, crease_weights: &weights, ..shape.control(SubdivisionRules::default()) };
     let facets = tessellate(&shape, &control, |_| 3);
     for at in 0..facets.positions.len() / 3 {
         let (position, normal) = (vec3(&facets.positions, at), vec3(&facets.normals, at));
@@ -125,7 +134,11 @@ fn semi_sharp_edges_lie_between() {
     let pairs = shape.edges();
     let reach = |sharpness: f32| {
         let weights = vec![sharpness; pairs.len() / 2];
-        let control = Control { crease_pairs: &pairs, crease_weights: &weights, ..shape.control(Rules::default()) };
+        let control = ControlMesh {
+            crease_pairs: &pairs,
+            crease_weights: &weights,
+            ..shape.control(SubdivisionRules::default())
+        };
         let facets = tessellate(&shape, &control, |_| 1);
         f64::from(facets.positions[0]).abs()
     };
@@ -137,26 +150,28 @@ fn semi_sharp_edges_lie_between() {
 fn boundaries_follow_their_rule() {
     let shape = grid(2, |x, y| [x, y, 0.0]);
     let widest = |boundary| {
-        let facets = tessellate(&shape, &shape.control(Rules { boundary, ..Rules::default() }), |_| 1);
+        let facets =
+            tessellate(&shape, &shape.control(SubdivisionRules { boundary, ..SubdivisionRules::default() }), |_| 1);
         (0..facets.positions.len() / 3).map(|at| vec3(&facets.positions, at)[0]).fold(0.0, f64::max)
     };
     // A corner of a boundary curve that is not sharp goes to (4 v + neighbours) / 6.
-    assert!((widest(Boundary::EdgeAndCorner) - 1.0).abs() < 1e-6, "corners stay");
-    assert!((widest(Boundary::EdgeOnly) - 5.0 / 6.0).abs() < 1e-6, "corners are round");
-    assert!(widest(Boundary::None).abs() < 1e-6, "no surface without all neighbours");
+    assert!((widest(BoundaryRule::EdgeAndCorner) - 1.0).abs() < 1e-6, "corners stay");
+    assert!((widest(BoundaryRule::EdgeOnly) - 5.0 / 6.0).abs() < 1e-6, "corners are round");
+    assert!(widest(BoundaryRule::None).abs() < 1e-6, "no surface without all neighbours");
 }
 
 /// Every edge of a closed surface has two triangles, by the bits of its positions, whatever the rates.
 #[test]
 fn neighbours_share_their_edges_bit_for_bit() {
     for (name, shape, scheme) in [
-        ("cube", cube(), Scheme::CatmullClark),
-        ("octahedron, as any face", octahedron(), Scheme::CatmullClark),
-        ("octahedron", octahedron(), Scheme::Loop),
+        ("cube", cube(), SubdivisionScheme::CatmullClark),
+        ("octahedron, as any face", octahedron(), SubdivisionScheme::CatmullClark),
+        ("octahedron", octahedron(), SubdivisionScheme::Loop),
     ] {
         for seed in 0..20_usize {
             let pieces = |edge: usize| 1 + i32::try_from((edge * 7 + seed * 13 + edge * edge * seed) % 9).unwrap();
-            let facets = tessellate(&shape, &shape.control(Rules { scheme, ..Rules::default() }), pieces);
+            let facets =
+                tessellate(&shape, &shape.control(SubdivisionRules { scheme, ..SubdivisionRules::default() }), pieces);
             let place = |v: u32| [0, 1, 2].map(|k| facets.positions[3 * v as usize + k].to_bits());
             let mut open: HashMap<_, i32> = HashMap::new();
             for triangle in facets.triangles.chunks(3) {
@@ -178,14 +193,14 @@ fn values_by_corner_keep_their_seams() {
     let shape = grid(3, |x, y| [x, y, 0.0]);
     let corners: Vec<i32> = (0..16).collect();
     let floats: Vec<f32> = (0..16).map(|corner| if corner < 8 { 1.0 } else { 5.0 }).collect();
-    let channels = [Channel { corners: &corners, count: 16 }];
-    let rules = Rules { face_varying: FaceVaryingLinear::All, ..Rules::default() };
-    let control = Control { channels: &channels, ..shape.control(rules) };
+    let channels = [FaceVaryingChannel { corners: &corners, count: 16 }];
+    let rules = SubdivisionRules { face_varying: FaceVaryingLinear::All, ..SubdivisionRules::default() };
+    let control = ControlMesh { channels: &channels, ..shape.control(rules) };
     let surface = LimitSurface::new(&control).unwrap();
-    let values = [Values { width: 1, floats: &floats }];
+    let values = [PackedValues { width: 1, floats: &floats }];
     let smooth: Vec<f32> = shape.points.iter().map(|p| p[0]).collect();
-    let by_point = Values { width: 1, floats: &smooth };
-    let data = Data { positions: shape.positions(), vertex: by_point, varying: by_point, channels: &values };
+    let by_point = PackedValues { width: 1, floats: &smooth };
+    let data = SurfaceData { positions: shape.positions(), vertex: by_point, varying: by_point, channels: &values };
     let facets = surface.tessellate(&vec![2; surface.edges().len()], &data).unwrap();
     for (triangle, &face) in facets.triangles.chunks(3).zip(&facets.faces) {
         for &vertex in triangle {

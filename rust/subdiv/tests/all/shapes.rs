@@ -2,7 +2,7 @@
 //! Control meshes.
 #![allow(clippy::cast_possible_truncation, reason = "small numbers")]
 
-use oocpt_subdiv::{Control, Rules};
+use oocpt_subdiv::{ControlMesh, SubdivisionRules};
 
 pub(crate) struct Shape {
     pub(crate) points: Vec<[f32; 3]>,
@@ -15,13 +15,13 @@ impl Shape {
         self.points.as_flattened()
     }
 
-    pub(crate) fn control(&self, rules: Rules) -> Control<'_> {
-        Control {
+    pub(crate) fn control(&self, rules: SubdivisionRules) -> ControlMesh<'_> {
+        ControlMesh {
             rules,
             point_count: self.points.len(),
             face_counts: &self.counts,
             face_points: &self.corners,
-            ..Control::default()
+            ..ControlMesh::default()
         }
     }
 

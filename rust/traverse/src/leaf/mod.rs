@@ -12,7 +12,7 @@ mod toy_box;
 pub(crate) mod triangle;
 
 use crate::vector::V3;
-use oocpt_abi::{Features, LEAVES, Leaf};
+use oocpt_abi::{Features, LEAVES, LeafType};
 
 macro_rules! leaves {
     ($($(#[cfg($only:meta)])? $row:ident: $module:ident;)+) => {
@@ -20,7 +20,7 @@ macro_rules! leaves {
         #[inline(always)]
         pub(crate) fn hit(kind: u32, vertices: [V3; 3], o: V3, d: V3) -> Option<(f32, [f32; 2])> {
             match kind {
-                $($(#[cfg($only)])? kind if kind == Leaf::$row.number => $module::hit(vertices, o, d),)+
+                $($(#[cfg($only)])? kind if kind == LeafType::$row.number => $module::hit(vertices, o, d),)+
                 _ => None,
             }
         }
@@ -28,7 +28,7 @@ macro_rules! leaves {
         /// Where a ray leaves an item that it enters in front of its origin (`leaf_exit`).
         pub(crate) fn exit(kind: u32, vertices: [V3; 3], o: V3, d: V3) -> Option<(f32, [f32; 2])> {
             match kind {
-                $($(#[cfg($only)])? kind if kind == Leaf::$row.number => $module::exit(vertices, o, d),)+
+                $($(#[cfg($only)])? kind if kind == LeafType::$row.number => $module::exit(vertices, o, d),)+
                 _ => None,
             }
         }
@@ -36,7 +36,7 @@ macro_rules! leaves {
         /// Along which values by corner change (`leaf_edges`).
         pub(crate) fn edges(kind: u32, vertices: [V3; 3]) -> [V3; 2] {
             match kind {
-                $($(#[cfg($only)])? kind if kind == Leaf::$row.number => $module::edges(vertices),)+
+                $($(#[cfg($only)])? kind if kind == LeafType::$row.number => $module::edges(vertices),)+
                 _ => [vertices[1] - vertices[0], vertices[2] - vertices[0]],
             }
         }
@@ -52,11 +52,11 @@ leaves! {
 
 /// Whether leaves may be made of anything but triangles (`HAS_LEAF_KINDS`).
 pub(crate) fn has_kinds(features: Features) -> bool {
-    LEAVES.iter().any(|leaf| *leaf != Leaf::TRIANGLE && features.contains(leaf.needs))
+    LEAVES.iter().any(|leaf| *leaf != LeafType::TRIANGLE && features.contains(leaf.needs))
 }
 
 /// The number of a mesh's kind, if it is compiled in.
 pub(crate) fn kind_of(flags: u32, features: Features) -> Option<u32> {
-    let number = Leaf::number_of(flags);
+    let number = LeafType::number_of(flags);
     LEAVES.iter().any(|leaf| leaf.number == number && features.contains(leaf.needs)).then_some(number)
 }

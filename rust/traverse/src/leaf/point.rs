@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The leaf test of points, balls: geometry/point.glsl, operation by operation. Pure, any thread.
 
-use super::round::Hit;
+use super::round::RoundHit;
 pub(super) use super::round::edges;
 use crate::vector::{V3, dot3};
 
@@ -18,11 +18,11 @@ pub(super) fn exit(vertices: [V3; 3], o: V3, d: V3) -> Option<(f32, [f32; 2])> {
 }
 
 #[inline(always)]
-fn span([center, _, V3([radius, ..])]: [V3; 3], o: V3, d: V3) -> (Hit, f32) {
+fn span([center, _, V3([radius, ..])]: [V3; 3], o: V3, d: V3) -> (RoundHit, f32) {
     let dd = dot3(d, d);
     let from = o - center;
     let nearest = dot3(-1.0 * from, d) / dd;
-    let mut hit = Hit::NONE;
+    let mut hit = RoundHit::NONE;
     hit.meet_ball(from + nearest * d, radius, d, dd, 0.0);
     (hit, nearest)
 }

@@ -5,14 +5,14 @@
 use crate::vector::{V3, cross3, dot3};
 
 /// Where the line of a ray enters and leaves, and which ball touches there.
-pub(super) struct Hit {
+pub(super) struct RoundHit {
     entry: f32,
     entry_u: f32,
     exit: f32,
     exit_u: f32,
 }
 
-impl Hit {
+impl RoundHit {
     pub(super) const NONE: Self = Self { entry: 3.0e38, entry_u: 0.0, exit: -3.0e38, exit_u: 0.0 };
 
     fn note(&mut self, t: f32, u: f32) {
@@ -81,7 +81,7 @@ pub(super) fn exit(vertices: [V3; 3], o: V3, d: V3) -> Option<(f32, [f32; 2])> {
 
 /// `round_span`.
 #[inline(always)]
-fn span([p0, p1, V3([r0, r1, _])]: [V3; 3], o: V3, d: V3) -> Option<(Hit, f32)> {
+fn span([p0, p1, V3([r0, r1, _])]: [V3; 3], o: V3, d: V3) -> Option<(RoundHit, f32)> {
     let dd = dot3(d, d);
     let axis = p1 - p0;
     let from = o - p0;
@@ -90,7 +90,7 @@ fn span([p0, p1, V3([r0, r1, _])]: [V3; 3], o: V3, d: V3) -> Option<(Hit, f32)> 
     }
     let nearest = dot3(0.5 * axis - from, d) / dd;
     let c = from + nearest * d;
-    let mut hit = Hit::NONE;
+    let mut hit = RoundHit::NONE;
     hit.meet_ball(c, r0, d, dd, 0.0);
     let squared = dot3(axis, axis);
     if squared > 0.0 {
@@ -119,7 +119,7 @@ pub(super) fn edges([p0, p1, V3([r0, r1, _])]: [V3; 3]) -> [V3; 2] {
     [e, (radius * (1.0 / dot3(aside, aside).max(1.0e-38).sqrt())) * aside]
 }
 
-fn meet_cone(hit: &mut Hit, (c, axis): (V3, V3), squared: f32, [r0, r1]: [f32; 2], d: V3, dd: f32) {
+fn meet_cone(hit: &mut RoundHit, (c, axis): (V3, V3), squared: f32, [r0, r1]: [f32; 2], d: V3, dd: f32) {
     let taper = r1 - r0;
     let g = squared - taper * taper;
     if g > 1.0e-6 * squared {

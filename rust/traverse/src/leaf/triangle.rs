@@ -1,18 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The leaf test of triangles: geometry/triangle.glsl, operation by operation. Pure, any thread.
 
-use crate::simd::{Edges, Simd};
+use crate::simd::{EdgeFunctions, Simd};
 use crate::vector::{V3, dot3, triangle_normal};
 use oocpt_abi::GRAZING;
 
 /// The plane across a ray (`make_shear`): along two axes, sheared along the third.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Shear {
+pub(crate) struct RayShear {
     u: V3,
     v: V3,
 }
 
-impl Shear {
+impl RayShear {
     #[inline(always)]
     pub(crate) fn new(d: V3) -> Self {
         let [x, y, z] = d.0;
@@ -35,9 +35,9 @@ pub(crate) fn hit_triangle(
     corners: &[[f32; 4]; 3],
     o: V3,
     d: V3,
-    shear: &Shear,
+    shear: &RayShear,
 ) -> Option<(f32, [f32; 2])> {
-    let Edges { w: [wa, wb, wc], is_outside } = simd.edges(corners, o, [shear.u, shear.v]);
+    let EdgeFunctions { w: [wa, wb, wc], is_outside } = simd.edges(corners, o, [shear.u, shear.v]);
     let sum = wa + wb + wc;
     if is_outside || sum == 0.0 {
         return None;

@@ -1,24 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The rays of the two passes: how a thread walks a block of them, how a walk begins, what becomes of what it found.
 
-use super::{Pushes, RAY_WORDS, RAYS_AT_ONCE, SHADOW_WORDS, Shared};
+use super::{PassContext, QueuePushes, RAY_WORDS, RAYS_AT_ONCE, SHADOW_WORDS};
 use crate::simd::Simd;
-use crate::walk::{Found, MOST_LEVELS, Walk, WorldRay};
+use crate::walk::{ClosestHit, MOST_LEVELS, RayTraversal, WorldRay};
 use oocpt_abi::{Features, PathProgress, RAY_WORD_BOUNCE, RAY_WORD_FLAGS, RayFlags, SHADOW_BIT, unpack_shadow_bounce};
 use oocpt_gpu::{HostBytes, HostWords};
 use pulp::NullaryFnOnce;
 use std::ops::Range;
 
 /// What a pass does with an entry of its queue, before and after the walk.
-pub(super) trait Rays<'s, 'v, const ANY_HIT: bool>: Sync {
-    /// Begins the walk of entry `at` of the queue; what [`Rays::end`] has to know of it. None: no such ray.
-    fn begin(&self, simd: impl Simd, walk: &mut Walk<'s, 'v, ANY_HIT>, at: u32) -> Option<Begun>;
+pub(super) trait QueuedRays<'s, 'v, const ANY_HIT: bool>: Sync {
+    /// Begins the walk of entry `at` of the queue; what [`QueuedRays::end`] has to know of it. None: no such ray.
+    fn begin(&self, simd: impl Simd, walk: &mut RayTraversal<'s, 'v, ANY_HIT>, at: u32) -> Option<BegunRay>;
 
     /// Brings the ray of entry `at` near, if there is one.
     fn prefetch(&self, at: u32);
 
     /// Takes what the walk has found.
-    fn end(&self, walk: &mut Walk<'s, 'v, ANY_HIT>, begun: Begun, pushes: &mut Pushes);
+    fn end(&self, walk: &mut RayTraversal<'s, 'v, ANY_HIT>, begun: BegunRay, pushes: &mut QueuePushes);
 }
 
 /// How many entries of a queue before its walk a ray is brought near.
@@ -26,7 +26,7 @@ const AHEAD: u32 = 8;
 
 /// A ray on its way.
 #[derive(Clone, Copy)]
-pub(super) struct Begun {
+pub(super) struct BegunRay {
     path: u32,
     /// It was ended by roulette, and has not walked.
     is_ended: bool,
@@ -34,16 +34,16 @@ pub(super) struct Begun {
 
 /// A block of rays. A thread traces several at once and takes one step of each in turn, so that the memory that one
 /// ray waits for arrives while the others are traced.
-pub(super) struct Block<'a, 's, 'v, R, S, const ANY_HIT: bool> {
+pub(super) struct RayBlock<'a, 's, 'v, R, S, const ANY_HIT: bool> {
     pub(super) simd: S,
-    pub(super) walks: &'a mut [Walk<'s, 'v, ANY_HIT>],
-    pub(super) pushes: &'a mut Pushes,
+    pub(super) walks: &'a mut [RayTraversal<'s, 'v, ANY_HIT>],
+    pub(super) pushes: &'a mut QueuePushes,
     pub(super) rays: &'a R,
     pub(super) range: Range<u32>,
 }
 
-impl<'s, 'v, R: Rays<'s, 'v, ANY_HIT>, S: Simd, const ANY_HIT: bool> NullaryFnOnce
-    for Block<'_, 's, 'v, R, S, ANY_HIT>
+impl<'s, 'v, R: QueuedRays<'s, 'v, ANY_HIT>, S: Simd, const ANY_HIT: bool> NullaryFnOnce
+    for RayBlock<'_, 's, 'v, R, S, ANY_HIT>
 {
     type Output = ();
 
@@ -78,19 +78,19 @@ impl<'s, 'v, R: Rays<'s, 'v, ANY_HIT>, S: Simd, const ANY_HIT: bool> NullaryFnOn
 
 /// The rays of [`super::closest`].
 pub(super) struct ClosestRays<'a, 's, 'v> {
-    pub(super) shared: &'a Shared<'s, 'v>,
+    pub(super) shared: &'a PassContext<'s, 'v>,
     pub(super) queue: HostBytes<'v>,
     pub(super) hits: HostWords<'v>,
 }
 
 /// The rays of [`super::shadow`].
 pub(super) struct ShadowRays<'a, 's, 'v> {
-    pub(super) shared: &'a Shared<'s, 'v>,
+    pub(super) shared: &'a PassContext<'s, 'v>,
     pub(super) queue: HostBytes<'v>,
     pub(super) radiance: HostWords<'v>,
 }
 
-impl<'s, 'v> Rays<'s, 'v, false> for ClosestRays<'_, 's, 'v> {
+impl<'s, 'v> QueuedRays<'s, 'v, false> for ClosestRays<'_, 's, 'v> {
     #[inline(always)]
     fn prefetch(&self, at: u32) {
         if let Some(path) = self.queue.item::<u32>(at) {
@@ -99,7 +99,7 @@ impl<'s, 'v> Rays<'s, 'v, false> for ClosestRays<'_, 's, 'v> {
     }
 
     #[inline(always)]
-    fn begin(&self, simd: impl Simd, walk: &mut Walk<'s, 'v, false>, at: u32) -> Option<Begun> {
+    fn begin(&self, simd: impl Simd, walk: &mut RayTraversal<'s, 'v, false>, at: u32) -> Option<BegunRay> {
         let Self { shared, queue, hits } = self;
         let path = queue.get::<u32>(at as usize)?;
         let at = path as usize * RAY_WORDS;
@@ -115,11 +115,16 @@ impl<'s, 'v> Rays<'s, 'v, false> for ClosestRays<'_, 's, 'v> {
             let seed = shared.scene.opacity_seed(path, bounce.wrapping_mul(2));
             shared.begin(simd, walk, path, WorldRay { path, seed, time: shared.scene.path_time(path), ..ray });
         }
-        Some(Begun { path, is_ended })
+        Some(BegunRay { path, is_ended })
     }
 
     #[inline(always)]
-    fn end(&self, walk: &mut Walk<'s, 'v, false>, Begun { path, is_ended }: Begun, pushes: &mut Pushes) {
+    fn end(
+        &self,
+        walk: &mut RayTraversal<'s, 'v, false>,
+        BegunRay { path, is_ended }: BegunRay,
+        pushes: &mut QueuePushes,
+    ) {
         let Self { shared, hits, .. } = self;
         if walk.hit {
             store_hit(*hits, path as usize * shared.hit_words(), &walk.found, shared.scene.special.levels());
@@ -151,7 +156,7 @@ impl<'s, 'v> Rays<'s, 'v, false> for ClosestRays<'_, 's, 'v> {
     }
 }
 
-impl<'s, 'v> Rays<'s, 'v, true> for ShadowRays<'_, 's, 'v> {
+impl<'s, 'v> QueuedRays<'s, 'v, true> for ShadowRays<'_, 's, 'v> {
     #[inline(always)]
     fn prefetch(&self, at: u32) {
         if let Some(path) = self.queue.item::<u32>(at) {
@@ -160,7 +165,7 @@ impl<'s, 'v> Rays<'s, 'v, true> for ShadowRays<'_, 's, 'v> {
     }
 
     #[inline(always)]
-    fn begin(&self, simd: impl Simd, walk: &mut Walk<'s, 'v, true>, at: u32) -> Option<Begun> {
+    fn begin(&self, simd: impl Simd, walk: &mut RayTraversal<'s, 'v, true>, at: u32) -> Option<BegunRay> {
         let Self { shared, queue, .. } = self;
         let path = queue.get::<u32>(at as usize)?;
         let at = path as usize * SHADOW_WORDS;
@@ -182,11 +187,16 @@ impl<'s, 'v> Rays<'s, 'v, true> for ShadowRays<'_, 's, 'v> {
                 WorldRay { path, seed, time: shared.scene.path_time(path), shadow_link, ..ray },
             );
         }
-        Some(Begun { path, is_ended })
+        Some(BegunRay { path, is_ended })
     }
 
     #[inline(always)]
-    fn end(&self, walk: &mut Walk<'s, 'v, true>, Begun { path, is_ended }: Begun, pushes: &mut Pushes) {
+    fn end(
+        &self,
+        walk: &mut RayTraversal<'s, 'v, true>,
+        BegunRay { path, is_ended }: BegunRay,
+        pushes: &mut QueuePushes,
+    ) {
         let Self { shared, radiance, .. } = self;
         let at = path as usize * SHADOW_WORDS;
         let waits = !walk.hit && !walk.pending.items().is_empty();
@@ -206,7 +216,7 @@ impl<'s, 'v> Rays<'s, 'v, true> for ShadowRays<'_, 's, 'v> {
 }
 
 /// Writes a hit record (traversal/hit.glsl).
-fn store_hit(hits: HostWords<'_>, at: usize, found: &Found, levels: usize) {
+fn store_hit(hits: HostWords<'_>, at: usize, found: &ClosestHit, levels: usize) {
     let header =
         [found.uv[0].to_bits(), found.uv[1].to_bits(), found.triangle, found.chunk_instance, found.t.to_bits()];
     for (i, &word) in header.iter().chain(&found.chain[..levels]).enumerate() {
@@ -217,12 +227,12 @@ fn store_hit(hits: HostWords<'_>, at: usize, found: &Found, levels: usize) {
     }
 }
 
-fn load_hit(hits: HostWords<'_>, at: usize, levels: usize) -> Found {
+fn load_hit(hits: HostWords<'_>, at: usize, levels: usize) -> ClosestHit {
     let [u, v, triangle, chunk_instance, t] = [0, 1, 2, 3, 4].map(|i| hits.load(at + i));
     let mut chain = [0; MOST_LEVELS];
     for (level, record) in chain.iter_mut().enumerate().take(levels) {
         *record = hits.load(at + 5 + level);
     }
     let uv = [f32::from_bits(u), f32::from_bits(v)];
-    Found { t: f32::from_bits(t), uv, triangle, chunk_instance, chain }
+    ClosestHit { t: f32::from_bits(t), uv, triangle, chunk_instance, chain }
 }

@@ -2,7 +2,7 @@
 //! AVX2: where a ray enters and where it leaves four boxes are eight lanes; the corners of a triangle are four, of
 //! which the last two are the same.
 
-use super::{Edges, Grid, SLAB_PAD, Simd};
+use super::{EdgeFunctions, NodeGrid, SLAB_PAD, Simd};
 use crate::node::{BoxRay, EnteredChildren};
 use crate::vector::{V3, tiny_component};
 use bytemuck::cast;
@@ -11,9 +11,9 @@ use std::arch::x86_64::{__m128, __m128i, __m256, _CMP_GT_OQ, _CMP_LE_OQ, _CMP_LT
 
 /// A processor that has AVX2, and what else x86-64-v3 has.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Avx2(pulp::x86::V3);
+pub(crate) struct Avx2Simd(pulp::x86::V3);
 
-impl Avx2 {
+impl Avx2Simd {
     /// None where the processor does not have all of it.
     pub(crate) fn try_new() -> Option<Self> {
         pulp::x86::V3::try_new().map(Self)
@@ -33,7 +33,7 @@ const SIGN: [u32; 4] = [1 << 31; 4];
 /// Each byte in its place.
 const IN_PLACE: [u8; 16] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15];
 
-impl Simd for Avx2 {
+impl Simd for Avx2Simd {
     #[inline(always)]
     fn vectorize<O: pulp::NullaryFnOnce>(self, op: O) -> O::Output {
         self.0.vectorize(op)
@@ -47,7 +47,7 @@ impl Simd for Avx2 {
     }
 
     #[inline(always)]
-    fn meet(self, grid: &Grid, ray: &BoxRay, limit: f32, entry: f32) -> EnteredChildren {
+    fn meet(self, grid: &NodeGrid, ray: &BoxRay, limit: f32, entry: f32) -> EnteredChildren {
         let pulp::x86::V3 { sse, sse2, sse4_1, ssse3, avx, avx2, .. } = self.0;
         let [head, lower, rest]: [__m128i; 3] = cast(*grid);
         let [o, reciprocal, around]: [__m128; 3] = [cast(ray.o), cast(ray.reciprocal), cast(ray.around)];
@@ -111,7 +111,7 @@ impl Simd for Avx2 {
     }
 
     #[inline(always)]
-    fn edges(self, corners: &[[f32; 4]; 3], o: V3, plane: [V3; 2]) -> Edges {
+    fn edges(self, corners: &[[f32; 4]; 3], o: V3, plane: [V3; 2]) -> EdgeFunctions {
         let pulp::x86::V3 { sse, avx, .. } = self.0;
         let [a, b, c] = *corners;
         let [a, b, c]: [__m128; 3] = [cast(a), cast(b), cast(c)];
@@ -137,6 +137,6 @@ impl Simd for Avx2 {
         let below = sse._mm_movemask_ps(avx._mm_cmp_ps::<_CMP_LT_OQ>(w, zero));
         let above = sse._mm_movemask_ps(avx._mm_cmp_ps::<_CMP_GT_OQ>(w, zero));
         let [wa, wb, wc, _]: [f32; 4] = cast(w);
-        Edges { w: [wa, wb, wc], is_outside: below & 7 != 0 && above & 7 != 0 }
+        EdgeFunctions { w: [wa, wb, wc], is_outside: below & 7 != 0 && above & 7 != 0 }
     }
 }

@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The leaves of meshes: the test of each kind, and which candidate is the hit.
 
-use super::Walk;
+use super::RayTraversal;
 use crate::leaf;
 use crate::leaf::triangle::hit_triangle;
-use crate::simd::{Portable, Simd};
+use crate::simd::{PortableSimd, Simd};
 use crate::vector::{V3, dot3};
-use oocpt_abi::{CULL_PAD, ENTRY_SCALE, Features, GpuTriangle, Leaf, MESH_PAD, POINT_BUNDLE, SECOND_SURFACE};
+use oocpt_abi::{CULL_PAD, ENTRY_SCALE, Features, GpuTriangle, LeafType, MESH_PAD, POINT_BUNDLE, SECOND_SURFACE};
 
 /// A surface that a walk comes to.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Surface {
+pub(crate) struct CandidateSurface {
     /// Of the mesh.
     pub(crate) item: u32,
     /// What a hash decides of it by.
@@ -20,7 +20,7 @@ pub(crate) struct Surface {
 
 /// What became of a candidate for the hit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Taken {
+enum CandidateOutcome {
     /// Something nearer is known.
     Behind,
     /// Its surface is not there for the ray, or that is not known yet.
@@ -34,7 +34,7 @@ enum Taken {
 /// Points of a leaf.
 const BUNDLE: usize = POINT_BUNDLE as usize;
 
-impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
+impl<const ANY_HIT: bool> RayTraversal<'_, '_, ANY_HIT> {
     #[inline(always)]
     pub(super) fn visit_triangles(&mut self, simd: impl Simd, begin: u32, end: u32) -> bool {
         for index in begin..end {
@@ -45,8 +45,11 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
                 corners = self.pose.posed(vertices, index).map(|V3([x, y, z])| [x, y, z, 0.0]);
             }
             if let Some((t, uv)) = hit_triangle(simd, &corners, self.at.ray.origin(), self.at.d, &self.shear)
-                && self.take(Surface { item: index, number: index, subset_and_sides: triangle.subset_and_sides }, t, uv)
-                    == Taken::Ends
+                && self.take(
+                    CandidateSurface { item: index, number: index, subset_and_sides: triangle.subset_and_sides },
+                    t,
+                    uv,
+                ) == CandidateOutcome::Ends
             {
                 return true;
             }
@@ -58,7 +61,7 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
     pub(super) fn visit_others(&mut self, begin: u32, end: u32) -> bool {
         let features = self.scene.special.features;
         if !leaf::has_kinds(features) {
-            return self.visit_triangles(Portable, begin, end);
+            return self.visit_triangles(PortableSimd, begin, end);
         }
         let Some(kind) = leaf::kind_of(self.mesh.flags, features) else { return false };
         let near = if self.pose.of_points { self.points_near(begin, end) } else { u32::MAX };
@@ -67,17 +70,17 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
             let (o, d) = (self.at.ray.origin(), self.at.d);
             let Some((t, uv)) = leaf::hit(kind, vertices, o, d) else { continue };
             let number = self.surface_number(kind, index);
-            let first = Surface { item: index, number, subset_and_sides };
+            let first = CandidateSurface { item: index, number, subset_and_sides };
             let mut taken = self.take(first, t, uv);
             // What is closed has a second surface, where the first one is not there.
-            if taken == Taken::Absent
+            if taken == CandidateOutcome::Absent
                 && let Some((exit, uv)) = leaf::exit(kind, vertices, o, d)
             {
                 let t = self.reached(t);
-                let second = Surface { number: number | SECOND_SURFACE, ..first };
+                let second = CandidateSurface { number: number | SECOND_SURFACE, ..first };
                 taken = self.take(second, if t > exit { t } else { exit }, uv);
             }
-            if taken == Taken::Ends {
+            if taken == CandidateOutcome::Ends {
                 return true;
             }
         }
@@ -115,7 +118,7 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
     /// `surface_number`, of the first surface of an item: all pieces of a curve have the same.
     fn surface_number(&self, kind: u32, index: u32) -> u32 {
         let is_asked = self.scene.special.features.intersects(Features::OPACITY | Features::CUTOUTS);
-        if !is_asked || kind != Leaf::ROUND.number {
+        if !is_asked || kind != LeafType::ROUND.number {
             return index;
         }
         self.pose.triangles.get::<GpuTriangle>(index as usize).map_or(index, |item| item.face)
@@ -130,25 +133,25 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
 
     /// A candidate for the hit.
     #[inline(always)]
-    fn take(&mut self, surface: Surface, t: f32, uv: [f32; 2]) -> Taken {
+    fn take(&mut self, surface: CandidateSurface, t: f32, uv: [f32; 2]) -> CandidateOutcome {
         let triangle = surface.item;
         let t = self.reached(t);
         if ANY_HIT {
             #[expect(clippy::neg_cmp_op_on_partial_ord, reason = "as the shader")]
             if !(t < self.world.t_max) {
-                return Taken::Behind;
+                return CandidateOutcome::Behind;
             }
         } else {
             let has_hit = self.hit || self.hit_before;
             if !(t < self.found.t || (has_hit && t == self.found.t && self.precedes(triangle))) {
-                return Taken::Behind;
+                return CandidateOutcome::Behind;
             }
         }
         if self.scene.has(Features::OPACITY) && !self.is_opaque(surface, uv) {
-            return Taken::Absent;
+            return CandidateOutcome::Absent;
         }
         if self.scene.has(Features::CUTOUTS) && !self.is_cut_in(surface, t, uv) {
-            return Taken::Absent;
+            return CandidateOutcome::Absent;
         }
         self.hit = true;
         if !ANY_HIT {
@@ -160,7 +163,7 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
             (self.found.triangle, self.found.chunk_instance) = (triangle, self.chunk_instance);
             self.limit = t * CULL_PAD;
         }
-        if ANY_HIT { Taken::Ends } else { Taken::EnteredChildren }
+        if ANY_HIT { CandidateOutcome::Ends } else { CandidateOutcome::EnteredChildren }
     }
 
     /// Whether the candidate comes before the closest hit in the order of ids.

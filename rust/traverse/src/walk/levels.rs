@@ -2,11 +2,11 @@
 //! The part of a walk outside of meshes: nodes of the top level, chunks and assemblies, and the changes of frame into
 //! them, into meshes and back.
 
-use super::stack::Key;
-use super::{Level, Walk, WorldRay};
-use crate::leaf::triangle::Shear;
+use super::stack::StackKey;
+use super::{RayTraversal, WalkLevel, WorldRay};
+use crate::leaf::triangle::RayShear;
 use crate::node::NUMBER;
-use crate::pending::Item;
+use crate::pending::PendingItem;
 use crate::simd::Simd;
 use crate::vector::{V3, apply_point, apply_vector, difference};
 use oocpt_abi::{
@@ -14,7 +14,7 @@ use oocpt_abi::{
 };
 use oocpt_gpu::HostBytes;
 
-impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
+impl<const ANY_HIT: bool> RayTraversal<'_, '_, ANY_HIT> {
     /// From node to node of a level, until a mesh is entered, a level is behind the ray, the walk or its turn ends.
     #[inline(always)]
     pub(super) fn walk_levels(&mut self, simd: impl Simd, turn: &mut u32) {
@@ -35,7 +35,7 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
                 let number = reference & NUMBER;
                 let entered =
                     if self.level == 0 { self.enter_chunk(simd, reference) } else { self.enter(simd, number) };
-                next = if entered { Key::new(0, self.entry) } else { self.pop() };
+                next = if entered { StackKey::new(0, self.entry) } else { self.pop() };
                 *turn = turn.saturating_sub(1);
             } else {
                 break;
@@ -64,12 +64,12 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
             }
             self.visits += 1;
             self.item.chunk = key;
-            self.filters = is_listed && !self.listed.of_chunk(number).any(Item::is_whole);
+            self.filters = is_listed && !self.listed.of_chunk(number).any(PendingItem::is_whole);
             if self.scene.has(Features::CHUNK_COUNTS) {
                 self.scene.count_rays(instance.chunk, 1);
             }
         }
-        if !self.stack.push(Key::RETURN) {
+        if !self.stack.push(StackKey::RETURN) {
             return false;
         }
         self.chunk_instance = number;
@@ -87,7 +87,7 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
         if is_listed {
             self.listed.of_chunk(key.1).for_each(|item| self.pending.remember(*item));
         } else {
-            self.pending.remember(Item::of_chunk(key));
+            self.pending.remember(PendingItem::of_chunk(key));
         }
     }
 
@@ -127,7 +127,7 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
         let depth = self.level_index();
         if nested {
             let Some(assembly) = self.scene.assembly(self.scene.target_number(instance.target)) else { return false };
-            if !self.stack.push(Key::RETURN) {
+            if !self.stack.push(StackKey::RETURN) {
                 return false;
             }
             self.chain[depth] = record;
@@ -138,7 +138,7 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
             if self.is_streaming && self.skips_mesh(number, mesh.nodes) {
                 return false;
             }
-            if !self.stack.push(Key::RETURN) {
+            if !self.stack.push(StackKey::RETURN) {
                 return false;
             }
             self.chain[depth] = record;
@@ -148,7 +148,7 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
             self.at.d = d;
             self.at.nodes = self.scene.view.bytes_near(mesh.nodes, &mut self.near.mesh_nodes);
             self.pose = self.scene.pose_of(&mesh, self.world.time, &mut self.near.items);
-            self.shear = Shear::new(d);
+            self.shear = RayShear::new(d);
             self.mesh = mesh;
         }
         true
@@ -160,7 +160,7 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
         let view = self.scene.view;
         let nodes = view.bytes_near(nodes, &mut self.near.nodes);
         let instances = view.bytes_near(instances, &mut self.near.instances);
-        self.at = Level { ray: simd.box_ray(o, d, 0.0), d, nodes, instances };
+        self.at = WalkLevel { ray: simd.box_ray(o, d, 0.0), d, nodes, instances };
         self.level += 1;
         self.keep_level();
     }
@@ -170,7 +170,7 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
     pub(super) fn begin_top(&mut self, simd: impl Simd) {
         let WorldRay { o, d, .. } = self.world;
         let ray = simd.box_ray(o, d, TOP_PAD * o.largest());
-        self.at = Level { ray, d, nodes: self.scene.top_nodes, instances: HostBytes::NONE };
+        self.at = WalkLevel { ray, d, nodes: self.scene.top_nodes, instances: HostBytes::NONE };
         self.keep_level();
     }
 

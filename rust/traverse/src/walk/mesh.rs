@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The part of a walk inside of a mesh.
 
-use super::Walk;
-use super::stack::Key;
+use super::RayTraversal;
+use super::stack::StackKey;
 use crate::node::{MeshChildren, NUMBER, bundle_members};
 use crate::simd::Simd;
 use oocpt_abi::{Bvh4Node, LEAF, MESH_LEAF_MASK, RETURN};
@@ -13,7 +13,7 @@ pub(super) fn triangles_of(leaf: u32) -> u32 {
     ((leaf >> 28) & 7) + 1
 }
 
-impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
+impl<const ANY_HIT: bool> RayTraversal<'_, '_, ANY_HIT> {
     /// From node to node and leaf to leaf, until the mesh is behind the ray, the walk ends or its turn does.
     #[inline(always)]
     pub(super) fn walk_mesh(&mut self, simd: impl Simd, turn: &mut u32) {
@@ -44,7 +44,7 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
                 } else {
                     self.visit_triangles(simd, first, end)
                 };
-                next = if ends { Key::DONE } else { self.pop() };
+                next = if ends { StackKey::DONE } else { self.pop() };
                 *turn = turn.saturating_sub(1);
             } else {
                 break;

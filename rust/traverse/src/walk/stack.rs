@@ -6,9 +6,9 @@ use oocpt_abi::{DONE, RETURN};
 
 /// A reference, and above it where the ray enters it: bits of distances that are not negative are in their order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct Key(u64);
+pub(super) struct StackKey(u64);
 
-impl Key {
+impl StackKey {
     pub(super) const DONE: Self = Self::new(DONE, 0.0);
     pub(super) const RETURN: Self = Self::new(RETURN, 0.0);
 
@@ -31,27 +31,27 @@ impl Key {
 
 /// See the module.
 #[derive(Debug)]
-pub(super) struct Stack {
-    keys: Box<[Key]>,
+pub(super) struct TraversalStack {
+    keys: Box<[StackKey]>,
     top: usize,
     pub(super) overflowed: bool,
 }
 
-impl Stack {
+impl TraversalStack {
     pub(super) fn new(size: usize) -> Self {
-        Self { keys: vec![Key::DONE; size].into_boxed_slice(), top: 0, overflowed: false }
+        Self { keys: vec![StackKey::DONE; size].into_boxed_slice(), top: 0, overflowed: false }
     }
 
     /// Nothing is left but the end of the walk.
     #[inline(always)]
     pub(super) fn reset(&mut self) {
         (self.top, self.overflowed) = (0, false);
-        self.push(Key::DONE);
+        self.push(StackKey::DONE);
     }
 
     /// False where there is no room.
     #[inline(always)]
-    pub(super) fn push(&mut self, key: Key) -> bool {
+    pub(super) fn push(&mut self, key: StackKey) -> bool {
         match self.keys.get_mut(self.top) {
             Some(place) => {
                 *place = key;
@@ -67,7 +67,7 @@ impl Stack {
 
     /// The next one that is entered before `limit`, or an end.
     #[inline(always)]
-    pub(super) fn pop(&mut self, limit: f32) -> Key {
+    pub(super) fn pop(&mut self, limit: f32) -> StackKey {
         while let Some(top) = self.top.checked_sub(1) {
             self.top = top;
             let Some(&key) = self.keys.get(top) else { break };
@@ -75,18 +75,18 @@ impl Stack {
                 return key;
             }
         }
-        Key::DONE
+        StackKey::DONE
     }
 
     /// Of the children that are met the nearest; the others are pushed, the farthest first. Without any, the next one
     /// of the stack.
     #[inline(always)]
-    pub(super) fn choose(&mut self, met: EnteredChildren, limit: f32, child: impl Fn(u32) -> u32) -> Key {
+    pub(super) fn choose(&mut self, met: EnteredChildren, limit: f32, child: impl Fn(u32) -> u32) -> StackKey {
         let mut mask = met.mask;
         let mut next = || {
             let lane = mask.trailing_zeros();
             mask &= mask.wrapping_sub(1);
-            Key::new(child(lane), met.entries[lane as usize & 3])
+            StackKey::new(child(lane), met.entries[lane as usize & 3])
         };
         match met.mask.count_ones() {
             0 => self.pop(limit),
@@ -119,6 +119,6 @@ impl Stack {
 }
 
 #[inline(always)]
-fn sorted(a: Key, b: Key) -> [Key; 2] {
+fn sorted(a: StackKey, b: StackKey) -> [StackKey; 2] {
     [a.min(b), a.max(b)]
 }

@@ -5,13 +5,13 @@ mod cutouts;
 
 use bytemuck::{Pod, Zeroable};
 use oocpt_abi::{
-    Bvh4Node, Counters, Features, Frame, GpuChunk, GpuChunkInstance, GpuInstance, GpuMesh, GpuPoint, GpuTriangle, Leaf,
-    LevelNode, MESH_KEYS_SHIFT, MeshFlags, NO_ROW, Push, Ray, SPEC_MAX_LEVELS, SPEC_STACK_SIZE, ShadowRay, groups,
-    hit_stride,
+    Bvh4Node, Features, FrameConstants, GpuChunk, GpuChunkInstance, GpuInstance, GpuMesh, GpuPoint, GpuTriangle,
+    LeafType, LevelNode, MESH_KEYS_SHIFT, MeshFlags, NO_ROW, PushConstants, Ray, SPEC_MAX_LEVELS, SPEC_STACK_SIZE,
+    ShadowRay, WavefrontCounters, groups, hit_stride,
 };
-use oocpt_gpu::{Buffer, Gpu, OpenOptions, Pipeline, Usage};
+use oocpt_gpu::{Buffer, BufferUsage, Gpu, OpenOptions, Pipeline};
 use oocpt_shaders::Pass;
-use oocpt_traverse::{Instructions, Special};
+use oocpt_traverse::{InstructionSet, TraversalConstants};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -108,7 +108,7 @@ pub(crate) struct Traced {
 /// See the module.
 pub(crate) struct World {
     gpu: Arc<Gpu>,
-    special: Special,
+    special: TraversalConstants,
     passes: [Pipeline; 2],
     frame: Buffer,
     tables: Vec<Buffer>,
@@ -129,7 +129,7 @@ pub(crate) struct World {
 
 fn put<T: Pod>(gpu: &Arc<Gpu>, name: &str, values: &[T]) -> Buffer {
     let bytes: &[u8] = bytemuck::cast_slice(values);
-    let buffer = Buffer::new(gpu, name, bytes.len() as u64, Usage::Upload).expect("small");
+    let buffer = Buffer::new(gpu, name, bytes.len() as u64, BufferUsage::Upload).expect("small");
     buffer.write(0, bytes).expect("mapped");
     buffer
 }
@@ -168,22 +168,22 @@ impl World {
         let chunk = GpuChunk { nodes: level.address(), instances: records.address(), primvars: 0 };
         let (chunks, instances) = (put(&gpu, "chunks", &[chunk]), put(&gpu, "instances", &[instance]));
         let make = |name, bytes: u32| {
-            Buffer::new(&gpu, name, u64::from(most) * u64::from(bytes), Usage::Upload).expect("small")
+            Buffer::new(&gpu, name, u64::from(most) * u64::from(bytes), BufferUsage::Upload).expect("small")
         };
         let mesh = put(&gpu, "mesh", &[GpuMesh::zeroed()]);
         let world = Self {
-            special: Special {
+            special: TraversalConstants {
                 max_levels: 1,
                 stack_size,
                 features,
                 geometry_bytes: 0,
-                instructions: Instructions::Widest,
+                instructions: InstructionSet::Widest,
             },
             passes,
-            frame: put(&gpu, "frame", &[Frame::zeroed()]),
+            frame: put(&gpu, "frame", &[FrameConstants::zeroed()]),
             mesh,
-            nodes: Buffer::new(&gpu, "nodes", 1 << 16, Usage::Upload).expect("small"),
-            items: Buffer::new(&gpu, "items", 1 << 16, Usage::Upload).expect("small"),
+            nodes: Buffer::new(&gpu, "nodes", 1 << 16, BufferUsage::Upload).expect("small"),
+            items: Buffer::new(&gpu, "items", 1 << 16, BufferUsage::Upload).expect("small"),
             rays: make("rays", 48),
             shadow_rays: make("shadow rays", 64),
             queue: make("queue", 4),
@@ -191,7 +191,7 @@ impl World {
             radiance: make("radiance", 16),
             surfaces: make("surfaces", 4),
             escaped: make("escaped", 4),
-            counters: put(&gpu, "counters", &[Counters::zeroed()]),
+            counters: put(&gpu, "counters", &[WavefrontCounters::zeroed()]),
             tables: vec![level, records, chunks, instances],
             cutouts: None,
             count: 0,
@@ -201,8 +201,8 @@ impl World {
         Some(world)
     }
 
-    fn frame_block(&self) -> Frame {
-        Frame {
+    fn frame_block(&self) -> FrameConstants {
+        FrameConstants {
             top_nodes: self.tables[0].address(),
             chunk_instances: self.tables[3].address(),
             chunks: self.tables[2].address(),
@@ -216,12 +216,12 @@ impl World {
             surface_queue: self.surfaces.address(),
             escaped_queue: self.escaped.address(),
             counters: self.counters.address(),
-            ..Frame::zeroed()
+            ..FrameConstants::zeroed()
         }
     }
 
     /// Makes this the mesh.
-    pub(crate) fn set_mesh(&self, nodes: &[Bvh4Node], items: &[GpuTriangle], kind: Leaf) {
+    pub(crate) fn set_mesh(&self, nodes: &[Bvh4Node], items: &[GpuTriangle], kind: LeafType) {
         self.nodes.write(0, bytemuck::cast_slice(nodes)).expect("there is room");
         self.items.write(0, bytemuck::cast_slice(items)).expect("there is room");
         let (nodes, triangles) = (self.nodes.address(), self.items.address());
@@ -248,7 +248,7 @@ impl World {
             nodes: self.nodes.address(),
             triangles: self.items.address(),
             reach: 128.0,
-            flags: Leaf::POINT.flags() | own | keys,
+            flags: LeafType::POINT.flags() | own | keys,
             triangle_count: u32::try_from(points.len()).expect("few"),
             ..GpuMesh::zeroed()
         };
@@ -257,7 +257,7 @@ impl World {
 
     /// Makes these hulls of two balls the mesh, which go to the places of `later` while the shutter is open, if any.
     pub(crate) fn set_hulls(&self, nodes: &[Bvh4Node], hulls: &[GpuTriangle], later: &[GpuTriangle]) {
-        self.set_mesh(nodes, &[hulls, later].concat(), Leaf::ROUND);
+        self.set_mesh(nodes, &[hulls, later].concat(), LeafType::ROUND);
         if !later.is_empty() {
             let times = 2 * size_of_val(hulls) as u64;
             self.items.write(times, bytemuck::cast_slice(&[0.0_f32, 1.0])).expect("there is room");
@@ -265,7 +265,7 @@ impl World {
                 nodes: self.nodes.address(),
                 triangles: self.items.address(),
                 reach: 128.0,
-                flags: Leaf::ROUND.flags() | 2 << MESH_KEYS_SHIFT,
+                flags: LeafType::ROUND.flags() | 2 << MESH_KEYS_SHIFT,
                 triangle_count: u32::try_from(hulls.len()).expect("few"),
                 ..GpuMesh::zeroed()
             };
@@ -293,7 +293,8 @@ impl World {
     }
 
     fn clear(&self) {
-        let counters = Counters { ray_count: [self.count; 2], shadow_count: self.count, ..Counters::zeroed() };
+        let counters =
+            WavefrontCounters { ray_count: [self.count; 2], shadow_count: self.count, ..WavefrontCounters::zeroed() };
         self.counters.write(0, bytemuck::bytes_of(&counters)).expect("mapped");
         for buffer in [&self.hits, &self.radiance, &self.surfaces, &self.escaped] {
             buffer.map(|bytes| bytes.fill(0)).expect("mapped");
@@ -303,7 +304,7 @@ impl World {
     /// By the shaders.
     pub(crate) fn shader(&self) -> Traced {
         self.clear();
-        let push = Push::wave(self.frame.address(), 0, self.count, 1);
+        let push = PushConstants::wave(self.frame.address(), 0, self.count, 1);
         let mut commands = self.gpu.commands("trace").expect("a list");
         for pass in &self.passes {
             commands.dispatch(pass, bytemuck::bytes_of(&push), groups(u64::from(self.count)));
@@ -315,17 +316,18 @@ impl World {
     /// By the host: rays one after the other, and in turns by the instructions that every processor has.
     pub(crate) fn native(&self) -> Traced {
         let traced = self.native_by(self.special);
-        let other = Special { instructions: Instructions::Portable, geometry_bytes: u64::MAX, ..self.special };
+        let other =
+            TraversalConstants { instructions: InstructionSet::Portable, geometry_bytes: u64::MAX, ..self.special };
         assert!(traced == self.native_by(other), "in turns, by portable instructions: other hits");
         traced
     }
 
-    fn native_by(&self, special: Special) -> Traced {
+    fn native_by(&self, special: TraversalConstants) -> Traced {
         self.clear();
         let written =
             [&self.rays, &self.shadow_rays, &self.hits, &self.radiance, &self.surfaces, &self.escaped, &self.counters];
         let view = self.gpu.host_view(&written).expect("host memory");
-        let push = Push::wave(self.frame.address(), 0, self.count, 1);
+        let push = PushConstants::wave(self.frame.address(), 0, self.count, 1);
         oocpt_traverse::closest(&view, push, special).expect("the tables are there");
         oocpt_traverse::shadow(&view, push, special).expect("the tables are there");
         drop(view);
@@ -339,7 +341,7 @@ impl World {
     }
 
     fn traced(&self) -> Traced {
-        let counters = Self::read::<Counters>(&self.counters, 1)[0];
+        let counters = Self::read::<WavefrontCounters>(&self.counters, 1)[0];
         assert_eq!(counters.surface_count + counters.escaped_count, self.count, "each ray is in one queue");
         let records: Vec<[u32; 8]> = Self::read(&self.hits, self.count);
         let mut hits = vec![None; self.count as usize];

@@ -5,7 +5,7 @@
 //! Needs a device whose memory is the host's; on another one there is no native traversal, and nothing to test.
 
 use crate::support::{self, Ball, Found, Random, World, bundle_mesh, triangle_mesh};
-use oocpt_abi::{Features, GpuTriangle, Leaf};
+use oocpt_abi::{Features, GpuTriangle, LeafType};
 
 const BATCHES: u64 = 64;
 const RAYS: u32 = 1 << 14;
@@ -73,7 +73,7 @@ fn toy_box(random: &mut Random) -> GpuTriangle {
 }
 
 /// What both backends find of a million rays at random items.
-fn agree(kind: Leaf, make: fn(&mut Random) -> GpuTriangle) {
+fn agree(kind: LeafType, make: fn(&mut Random) -> GpuTriangle) {
     let Some(mut world) = World::new(kind.needs, 64, RAYS) else { return };
     let mut met = 0;
     for batch in 0..BATCHES {
@@ -95,12 +95,12 @@ fn agree(kind: Leaf, make: fn(&mut Random) -> GpuTriangle) {
 
 #[test]
 fn a_million_rays_meet_the_same_triangles() {
-    agree(Leaf::TRIANGLE, triangle);
+    agree(LeafType::TRIANGLE, triangle);
 }
 
 #[test]
 fn a_million_rays_meet_the_same_curves() {
-    agree(Leaf::ROUND, round);
+    agree(LeafType::ROUND, round);
 }
 
 /// What both backends find of a million rays at points, with a radius each or one for all; and that it is what hulls of
@@ -155,7 +155,7 @@ fn a_million_rays_meet_the_same_points() {
 
 #[test]
 fn a_million_rays_meet_the_same_example_leaves() {
-    agree(Leaf::TOY_BOX, toy_box);
+    agree(LeafType::TOY_BOX, toy_box);
 }
 
 #[test]
@@ -163,7 +163,7 @@ fn nan_rays_give_the_same_result() {
     let Some(mut world) = World::new(Features::empty(), 64, 4096) else { return };
     let mut random = Random(7);
     let items: Vec<GpuTriangle> = (0..48).map(|_| triangle(&mut random)).collect();
-    world.set_mesh(&triangle_mesh(48), &items, Leaf::TRIANGLE);
+    world.set_mesh(&triangle_mesh(48), &items, LeafType::TRIANGLE);
     let mut rays = rays_at(&mut random, &items, 4096);
     let odd = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 0.0, -0.0, 1e-40, 3e38, -3e38, 1e-30, 1e20];
     for ray in &mut rays {
@@ -196,7 +196,7 @@ fn a_tree_as_deep_as_the_stack_is_walked_and_a_deeper_one_is_counted() {
     for (stack, overflows) in [(1024, false), (64, true)] {
         let Some(mut world) = World::new(Features::empty(), stack, 1024) else { return };
         let (nodes, items) = chain(600);
-        world.set_mesh(&nodes, &items, Leaf::TRIANGLE);
+        world.set_mesh(&nodes, &items, LeafType::TRIANGLE);
         world.set_rays(&rays_at(&mut Random(5), &items, 1024));
         let (shader, native) = (world.shader(), world.native());
         assert_eq!(native.overflows > 0, overflows, "{stack} entries: {} rays", native.overflows);
@@ -212,7 +212,7 @@ fn a_broken_tree_ends_and_reads_nothing_outside() {
     let Some(mut world) = World::new(Features::empty(), 64, 64) else { return };
     let mut random = Random(11);
     let items: Vec<GpuTriangle> = (0..3).map(|_| triangle(&mut random)).collect();
-    world.set_mesh(&triangle_mesh(3), &items, Leaf::TRIANGLE);
+    world.set_mesh(&triangle_mesh(3), &items, LeafType::TRIANGLE);
     world.set_rays(&rays_at(&mut random, &items, 64));
     assert!(world.native().hits.iter().any(Option::is_some), "it works before it is broken");
     let broken = [
@@ -222,12 +222,12 @@ fn a_broken_tree_ends_and_reads_nothing_outside() {
         ("more children than there are", vec![support::node(15, 0x0fff_ffff, [3; 4], u32::MAX)]),
     ];
     for (what, nodes) in broken {
-        world.set_mesh(&nodes, &items, Leaf::TRIANGLE);
+        world.set_mesh(&nodes, &items, LeafType::TRIANGLE);
         // One ray: a node that is its own child takes all steps that a walk may take.
         world.set_rays(&rays_at(&mut random, &items, 1));
         assert!(world.native().hits.iter().all(Option::<Found>::is_none), "{what}");
     }
-    world.set_mesh(&triangle_mesh(3), &items, Leaf::TRIANGLE);
+    world.set_mesh(&triangle_mesh(3), &items, LeafType::TRIANGLE);
     for at in [1, 16, u64::MAX, u64::MAX - 63, 1 << 47] {
         world.set_mesh_addresses(at);
         assert!(world.native().hits.iter().all(Option::<Found>::is_none), "a mesh at {at:#x}");
@@ -245,7 +245,7 @@ fn broken_tables_of_cutouts_end_and_read_nothing_outside() {
         for (subset, item) in (0..).zip(&mut items) {
             item.subset_and_sides = subset & 3;
         }
-        world.set_mesh(&triangle_mesh(48), &items, Leaf::TRIANGLE);
+        world.set_mesh(&triangle_mesh(48), &items, LeafType::TRIANGLE);
         world.set_rays(&rays_at(&mut random, &items, 256));
         world.set_broken_cutouts(&mut random);
         // What it finds is of no use, but it comes back.

@@ -7,12 +7,12 @@ use super::markdown::{Paragraph, anchors, code_spans, paragraphs, shell_lines, t
 
 /// Tracked files and the folders that hold them, relative to the root, and the documents among them with their text.
 #[derive(Debug, Default)]
-pub(super) struct Clone<'a> {
+pub(super) struct TrackedClone<'a> {
     known: BTreeSet<&'a str>,
     pages: BTreeMap<&'a str, &'a str>,
 }
 
-impl<'a> Clone<'a> {
+impl<'a> TrackedClone<'a> {
     pub(super) fn new(files: &'a [String], pages: &'a [(String, String)]) -> Self {
         let mut known = BTreeSet::new();
         for file in files {
@@ -103,7 +103,7 @@ mod tests {
     fn findings(text: &str) -> Vec<String> {
         let files = ["README.md", "rust/book/src/a.md", "rust/book/src/b.md", "tests/x.jpg"].map(str::to_owned);
         let pages = [("rust/book/src/b.md".to_owned(), "# Some heading\n".to_owned())];
-        Clone::new(&files, &pages).findings("rust/book/src/a.md", text)
+        TrackedClone::new(&files, &pages).findings("rust/book/src/a.md", text)
     }
 
     #[test]

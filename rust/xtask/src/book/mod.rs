@@ -20,7 +20,7 @@ use std::process::Command;
 use anyhow::{Context as _, Result, bail};
 
 use crate::clone_files::tracked_files;
-use crate::places::Places;
+use crate::places::RootFolders;
 use crate::process::{run, say, succeeds};
 
 /// Longest line of text.
@@ -36,7 +36,7 @@ const DECISIONS: &str = "rust/decisions/";
 ///
 /// # Errors
 /// If a document is wrong, or mdBook fails. Where mdBook is not installed it says so.
-pub(crate) fn make(places: &Places) -> Result<()> {
+pub(crate) fn make(places: &RootFolders) -> Result<()> {
     let tables = tables::read_all(places)?;
     for (file, text) in documents(places)? {
         let filled = tables::filled(&text, &tables).with_context(|| file.clone())?;
@@ -63,13 +63,14 @@ pub(crate) fn make(places: &Places) -> Result<()> {
 ///
 /// # Errors
 /// Names everything that is wrong.
-pub(crate) fn check(places: &Places) -> Result<()> {
+pub(crate) fn check(places: &RootFolders) -> Result<()> {
     let files = tracked_files(places)?;
     let documents = documents(places)?;
     let tables = tables::read_all(places)?;
     let sources = sources(places, &files)?;
-    let clone = links::Clone::new(&files, &documents);
-    let names = names::Names::new(&files, &sources, &documents, &<crate::Arguments as clap::CommandFactory>::command());
+    let clone = links::TrackedClone::new(&files, &documents);
+    let names =
+        names::KnownNames::new(&files, &sources, &documents, &<crate::Arguments as clap::CommandFactory>::command());
     let mut findings = Vec::new();
     for (file, text) in &sources {
         findings.extend(names.findings_in_source(file, text));
@@ -96,7 +97,7 @@ pub(crate) fn check(places: &Places) -> Result<()> {
 }
 
 /// Files of tests that the table of tests does not lead to.
-fn untold_tests(places: &Places, files: &[String], documents: &[(String, String)]) -> Result<Vec<String>> {
+fn untold_tests(places: &RootFolders, files: &[String], documents: &[(String, String)]) -> Result<Vec<String>> {
     let read = |file: &String| {
         let text = fs::read_to_string(places.repo.join(file)).with_context(|| format!("cannot read {file}"))?;
         Ok((file.clone(), text))
@@ -135,7 +136,7 @@ fn unmapped(file: &str, text: &str, files: &[String]) -> Vec<String> {
 }
 
 /// Every document with its text.
-fn documents(places: &Places) -> Result<Vec<(String, String)>> {
+fn documents(places: &RootFolders) -> Result<Vec<(String, String)>> {
     let files = tracked_files(places)?.into_iter().filter(|file| file.ends_with(".md"));
     let read = |file: String| {
         let text = fs::read_to_string(places.repo.join(&file)).with_context(|| format!("cannot read {file}"))?;
@@ -145,7 +146,7 @@ fn documents(places: &Places) -> Result<Vec<(String, String)>> {
 }
 
 /// Every source that names are looked up in, with its text.
-fn sources(places: &Places, files: &[String]) -> Result<Vec<names::Text>> {
+fn sources(places: &RootFolders, files: &[String]) -> Result<Vec<names::FileText>> {
     let read = |file: &String| {
         let text = fs::read_to_string(places.repo.join(file)).with_context(|| format!("cannot read {file}"))?;
         Ok((file.clone(), text))
@@ -154,7 +155,7 @@ fn sources(places: &Places, files: &[String]) -> Result<Vec<names::Text>> {
 }
 
 /// Copies the book, the decisions and the pictures into one folder, with links that fit there.
-fn stage(places: &Places, target: &Path) -> Result<()> {
+fn stage(places: &RootFolders, target: &Path) -> Result<()> {
     if target.exists() {
         fs::remove_dir_all(target).with_context(|| format!("cannot empty {}", target.display()))?;
     }

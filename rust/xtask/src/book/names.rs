@@ -13,10 +13,10 @@ mod sources;
 use std::collections::BTreeSet;
 
 use super::markdown::{Paragraph, code_spans, paragraphs, shell_lines};
-use commands::Commands;
-use decisions::Decisions;
-use sources::Sources;
-pub(super) use sources::{Text, is_source};
+use commands::KnownCommands;
+use decisions::DecisionList;
+use sources::SourceIndex;
+pub(super) use sources::{FileText, is_source};
 
 /// Pages about the past and about measurements of then: only their decisions are judged.
 const RECORDS: &[&str] = &["rust/book/src/CHANGELOG.md", "rust/book/src/measurements.md"];
@@ -43,19 +43,19 @@ const ALLOWED: &[(&str, &str)] = &[
 
 /// Everything that names are held against.
 #[derive(Debug)]
-pub(super) struct Names<'a> {
-    sources: Sources,
-    commands: Commands,
-    decisions: Decisions<'a>,
+pub(super) struct KnownNames<'a> {
+    sources: SourceIndex,
+    commands: KnownCommands,
+    decisions: DecisionList<'a>,
     files: BTreeSet<&'a str>,
 }
 
-impl<'a> Names<'a> {
+impl<'a> KnownNames<'a> {
     /// `files` are all paths of the clone, `texts` the sources among them, `tasks` the command line of `cargo xtask`.
-    pub(super) fn new(files: &'a [String], texts: &[Text], pages: &[Text], tasks: &clap::Command) -> Self {
+    pub(super) fn new(files: &'a [String], texts: &[FileText], pages: &[FileText], tasks: &clap::Command) -> Self {
         let names = files.iter().map(|file| file.rsplit('/').next().unwrap_or(file)).collect();
-        let decisions = Decisions::new(files, pages);
-        Self { sources: Sources::new(texts), commands: Commands::new(tasks, texts), decisions, files: names }
+        let decisions = DecisionList::new(files, pages);
+        Self { sources: SourceIndex::new(texts), commands: KnownCommands::new(tasks, texts), decisions, files: names }
     }
 
     /// One line for each name of the document that there is not.
@@ -201,7 +201,7 @@ mod tests {
         let texts = sources.map(|(file, text)| (file.to_owned(), text.to_owned()));
         let files = sources.map(|(file, _)| file.to_owned());
         let tasks = Command::new("xtask").subcommand(Command::new("test").arg(Arg::new("full").long("full")));
-        let names = Names::new(&files, &texts, &[], &tasks);
+        let names = KnownNames::new(&files, &texts, &[], &tasks);
         names.findings(file, text)
     }
 

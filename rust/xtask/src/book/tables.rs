@@ -8,7 +8,7 @@ use std::fs;
 use anyhow::{Context as _, Result, ensure};
 use serde_json::Value;
 
-use crate::places::Places;
+use crate::places::RootFolders;
 
 /// Folder of the sources.
 const FOLDER: &str = "rust/book/measurements";
@@ -18,7 +18,7 @@ const END: &str = "<!-- end of table -->";
 
 /// A table as it was measured.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Table {
+pub(super) struct MeasuredTable {
     date: String,
     machine: String,
     command: String,
@@ -28,15 +28,15 @@ pub(super) struct Table {
 }
 
 /// All tables by name.
-pub(super) type Tables = BTreeMap<String, Table>;
+pub(super) type MeasuredTables = BTreeMap<String, MeasuredTable>;
 
 /// Reads every source.
 ///
 /// # Errors
 /// If a source is no table, or a row has not as many cells as there are columns.
-pub(super) fn read_all(places: &Places) -> Result<Tables> {
+pub(super) fn read_all(places: &RootFolders) -> Result<MeasuredTables> {
     let folder = places.repo.join(FOLDER);
-    let mut tables = Tables::new();
+    let mut tables = MeasuredTables::new();
     for entry in fs::read_dir(&folder).with_context(|| format!("cannot list {FOLDER}"))? {
         let path = entry?.path();
         if path.extension().is_none_or(|extension| extension != "json") {
@@ -50,7 +50,7 @@ pub(super) fn read_all(places: &Places) -> Result<Tables> {
     Ok(tables)
 }
 
-fn parse(text: &str) -> Result<Table> {
+fn parse(text: &str) -> Result<MeasuredTable> {
     let value: Value = serde_json::from_str(text).context("no JSON")?;
     let word = |key: &str| -> Result<String> {
         let text = value[key].as_str().with_context(|| format!("no text under {key:?}"))?;
@@ -63,7 +63,7 @@ fn parse(text: &str) -> Result<Table> {
         ensure!(row.len() == columns.len(), "a row of {} cells under {} columns: {row:?}", row.len(), columns.len());
     }
     let (date, machine, command) = (word("date")?, word("machine")?, word("command")?);
-    Ok(Table { date, machine, command, note: word("note")?, columns, rows })
+    Ok(MeasuredTable { date, machine, command, note: word("note")?, columns, rows })
 }
 
 /// The cells of a list of texts and numbers; numbers as they are written.
@@ -80,7 +80,7 @@ fn cells(list: &Value) -> Option<Vec<String>> {
 ///
 /// # Errors
 /// If it names a table that there is none of, or does not end one.
-pub(super) fn filled(page: &str, tables: &Tables) -> Result<String> {
+pub(super) fn filled(page: &str, tables: &MeasuredTables) -> Result<String> {
     let mut made = String::new();
     let mut rest = page;
     while let Some((before, after)) = rest.split_once(BEGIN) {
@@ -95,7 +95,7 @@ pub(super) fn filled(page: &str, tables: &Tables) -> Result<String> {
 }
 
 /// The table, and below it where it comes from.
-fn markdown(table: &Table) -> String {
+fn markdown(table: &MeasuredTable) -> String {
     let row = |cells: &[String]| format!("| {} |\n", cells.join(" | "));
     let mut text = String::from("\n") + &row(&table.columns) + &row(&vec!["---".to_owned(); table.columns.len()]);
     text.extend(table.rows.iter().map(|cells| row(cells)));
@@ -131,8 +131,8 @@ mod tests {
     const SOURCE: &str = r#"{"date": "2026-11-22", "machine": "a GPU", "command": "oocpt bench", "note": "",
         "columns": ["a", "b"], "rows": [["x", 1.5], ["y", 2]]}"#;
 
-    fn tables() -> Tables {
-        Tables::from([("t".to_owned(), parse(SOURCE).unwrap())])
+    fn tables() -> MeasuredTables {
+        MeasuredTables::from([("t".to_owned(), parse(SOURCE).unwrap())])
     }
 
     #[test]

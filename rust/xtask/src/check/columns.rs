@@ -8,14 +8,14 @@ use anyhow::{Result, bail};
 
 use crate::book::COLUMNS;
 use crate::clone_files::{path, tracked_files};
-use crate::places::Places;
+use crate::places::RootFolders;
 
 /// Python programs without an extension.
 const PROGRAMS: &[&str] = &["plugin/usdrecord", "plugin/texture-host"];
 
 /// What of a file is held to it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Held {
+enum ColumnRule {
     /// Everything but table rows, pictures and what a URL makes wide.
     Markdown,
     All,
@@ -23,10 +23,10 @@ enum Held {
     Nothing,
 }
 
-pub(super) fn check(places: &Places) -> Result<()> {
+pub(super) fn check(places: &RootFolders) -> Result<()> {
     let mut findings = Vec::new();
     for file in tracked_files(places)? {
-        if held(&file) == Held::Nothing {
+        if held(&file) == ColumnRule::Nothing {
             continue;
         }
         if let Ok(text) = fs::read_to_string(path(places, &file)) {
@@ -39,14 +39,14 @@ pub(super) fn check(places: &Places) -> Result<()> {
     Ok(())
 }
 
-fn held(file: &str) -> Held {
+fn held(file: &str) -> ColumnRule {
     let extension = file.rsplit_once('.').map_or("", |(_, extension)| extension);
     match extension {
-        "md" => Held::Markdown,
-        "py" | "comp" | "glsl" => Held::All,
-        "rs" | "h" | "cpp" => Held::Comments,
-        _ if PROGRAMS.contains(&file) => Held::All,
-        _ => Held::Nothing,
+        "md" => ColumnRule::Markdown,
+        "py" | "comp" | "glsl" => ColumnRule::All,
+        "rs" | "h" | "cpp" => ColumnRule::Comments,
+        _ if PROGRAMS.contains(&file) => ColumnRule::All,
+        _ => ColumnRule::Nothing,
     }
 }
 
@@ -58,12 +58,12 @@ fn findings_in(file: &str, text: &str) -> Vec<String> {
         .collect()
 }
 
-fn counts(held: Held, line: &str) -> bool {
+fn counts(held: ColumnRule, line: &str) -> bool {
     match held {
-        Held::Markdown => !line.starts_with(['|', '!']) && !line.contains("://"),
-        Held::All => true,
-        Held::Comments => line.starts_with("//"),
-        Held::Nothing => false,
+        ColumnRule::Markdown => !line.starts_with(['|', '!']) && !line.contains("://"),
+        ColumnRule::All => true,
+        ColumnRule::Comments => line.starts_with("//"),
+        ColumnRule::Nothing => false,
     }
 }
 

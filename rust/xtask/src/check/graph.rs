@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use anyhow::{Context as _, Result, bail};
 use serde_json::Value;
 
-use crate::places::Places;
+use crate::places::RootFolders;
 use crate::process::capture;
 use crate::product::{self, cargo};
 
@@ -26,7 +26,10 @@ const ARROWS: &[(&str, &[&str])] = &[
         &["oocpt-abi", "oocpt-core", "oocpt-files", "oocpt-ptex", "oocpt-shaders", "oocpt-gpu", "oocpt-traverse"],
     ),
     ("oocpt-bridge", &["oocpt-abi", "oocpt-render", "oocpt-core", "oocpt-ptex"]),
-    ("oocpt-cli", &["oocpt-abi", "oocpt-render", "oocpt-core", "oocpt-gpu", "oocpt-ptex"]),
+    ("oocpt-scenes", &["oocpt-core", "oocpt-render"]),
+    ("oocpt-command", &[]),
+    ("oocpt-cli", &["oocpt-command", "oocpt-core", "oocpt-gpu", "oocpt-render", "oocpt-scenes"]),
+    ("oocpt-bench", &["oocpt-abi", "oocpt-command", "oocpt-core", "oocpt-render", "oocpt-scenes"]),
     ("oocpt-judge", &["oocpt-abi", "oocpt-core"]),
     ("oocpt-extreme", &["oocpt-abi", "oocpt-render", "oocpt-core"]),
     ("xtask", &[]),
@@ -47,7 +50,7 @@ const CONFINED: &[(&str, &[&str])] = &[
 const FAULTS: &str = "faults";
 
 /// Nothing that is only for tests is compiled into the product.
-pub(super) fn product(places: &Places) -> Result<()> {
+pub(super) fn product(places: &RootFolders) -> Result<()> {
     let mut tree = cargo(places, "tree");
     tree.args(product::packages()).args(["--prefix", "none", "--edges", "normal,build", "--format", "{f} {p}"]);
     let tree = capture(&mut tree)?;
@@ -70,7 +73,7 @@ fn faulty(tree: &str) -> Vec<&str> {
     found
 }
 
-pub(super) fn check(places: &Places) -> Result<()> {
+pub(super) fn check(places: &RootFolders) -> Result<()> {
     let metadata = capture(cargo(places, "metadata").args(["--no-deps", "--format-version", "1"]))?;
     let metadata = serde_json::from_str(&metadata).context("cargo metadata is no JSON")?;
     let violations = violations(&metadata)?;

@@ -6,6 +6,7 @@ mod columns;
 mod graph;
 mod modules;
 mod text;
+mod types;
 
 use std::process::Command;
 use std::time::Instant;
@@ -14,14 +15,14 @@ use anyhow::{Result, bail};
 
 use crate::book;
 use crate::clone_files::tracked_files;
-use crate::places::Places;
+use crate::places::RootFolders;
 use crate::process::{run, say};
 use crate::product::{PROFILE, cargo};
 use crate::system::CLANG_FORMAT;
 
 /// What a step costs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) enum Depth {
+pub(crate) enum CheckDepth {
     /// Reads files: seconds.
     Text,
     /// Compiles the workspace: minutes.
@@ -29,26 +30,27 @@ pub(crate) enum Depth {
 }
 
 /// A named judgement.
-type Step = (Depth, &'static str, fn(&Places) -> Result<()>);
+type CheckStep = (CheckDepth, &'static str, fn(&RootFolders) -> Result<()>);
 
-const STEPS: &[Step] = &[
-    (Depth::Text, "words", text::check),
-    (Depth::Text, "columns", columns::check),
-    (Depth::Text, "modules", modules::check),
-    (Depth::Text, "documents", book::check),
-    (Depth::Text, "crate graph", graph::check),
-    (Depth::Text, "no faults in the product", graph::product),
-    (Depth::Text, "rustfmt", rustfmt),
-    (Depth::Text, "clang-format", clang_format),
-    (Depth::Compiled, "clippy and shaders", clippy),
-    (Depth::Compiled, "documentation", documentation),
+const STEPS: &[CheckStep] = &[
+    (CheckDepth::Text, "words", text::check),
+    (CheckDepth::Text, "columns", columns::check),
+    (CheckDepth::Text, "modules", modules::check),
+    (CheckDepth::Text, "names of types", types::check),
+    (CheckDepth::Text, "documents", book::check),
+    (CheckDepth::Text, "crate graph", graph::check),
+    (CheckDepth::Text, "no faults in the product", graph::product),
+    (CheckDepth::Text, "rustfmt", rustfmt),
+    (CheckDepth::Text, "clang-format", clang_format),
+    (CheckDepth::Compiled, "clippy and shaders", clippy),
+    (CheckDepth::Compiled, "documentation", documentation),
 ];
 
 /// Runs every step up to `depth`, even after a failure, and then fails if any did.
 ///
 /// # Errors
 /// Names the steps that failed; their findings are on stderr.
-pub(crate) fn run_all(places: &Places, depth: Depth) -> Result<()> {
+pub(crate) fn run_all(places: &RootFolders, depth: CheckDepth) -> Result<()> {
     let mut failed = Vec::new();
     for (_, name, step) in STEPS.iter().filter(|(needed, ..)| *needed <= depth) {
         say(format_args!("check: {name}"));
@@ -67,19 +69,19 @@ pub(crate) fn run_all(places: &Places, depth: Depth) -> Result<()> {
     Ok(())
 }
 
-fn rustfmt(places: &Places) -> Result<()> {
+fn rustfmt(places: &RootFolders) -> Result<()> {
     run(cargo(places, "fmt").args(["--all", "--check"]))
 }
 
 /// In the profile of the tests, so that they find build scripts, procedural macros and shaders ready. The product is
 /// the same code without what tests turn on; rustc's warnings about that count when it is built
 /// (`product::build_workspace`).
-fn clippy(places: &Places) -> Result<()> {
+fn clippy(places: &RootFolders) -> Result<()> {
     let mut clippy = cargo(places, "clippy");
     run(clippy.args(["--quiet", "--workspace", "--all-targets", "--profile", PROFILE, "--", "-D", "warnings"]))
 }
 
-fn documentation(places: &Places) -> Result<()> {
+fn documentation(places: &RootFolders) -> Result<()> {
     let mut doc = cargo(places, "doc");
     run(doc.env("RUSTDOCFLAGS", "-Dwarnings").args([
         "--quiet",
@@ -91,7 +93,7 @@ fn documentation(places: &Places) -> Result<()> {
     ]))
 }
 
-fn clang_format(places: &Places) -> Result<()> {
+fn clang_format(places: &RootFolders) -> Result<()> {
     let files: Vec<String> = tracked_files(places)?.into_iter().filter(|file| is_cpp(file)).collect();
     if files.is_empty() {
         return Ok(());

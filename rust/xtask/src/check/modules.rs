@@ -11,17 +11,14 @@ use std::fs;
 use anyhow::{Result, bail};
 
 use crate::clone_files::{path, tracked_files};
-use crate::places::Places;
+use crate::places::RootFolders;
 
-type Arrows = BTreeMap<String, BTreeSet<String>>;
+type ModuleArrows = BTreeMap<String, BTreeSet<String>>;
 /// Names of modules from the top of a crate; of a path also those of items.
-type Names = Vec<String>;
+type ModulePath = Vec<String>;
 
 /// Crate, folder, and the modules of a circle in it.
 const KNOWN: &[(&str, &str, &[&str])] = &[
-    ("cli", "doctor", &["scene", "table"]),
-    ("cli", "scene", &["island", "usd"]),
-    ("cli", "scene/island", &["prims", "uniques", "view"]),
     (
         "core",
         "instancing",
@@ -60,9 +57,9 @@ const KNOWN: &[(&str, &str, &[&str])] = &[
     ("render", "wavefront", &["native", "passes", "record"]),
 ];
 
-pub(super) fn check(places: &Places) -> Result<()> {
+pub(super) fn check(places: &RootFolders) -> Result<()> {
     let files = tracked_files(places)?;
-    let mut crates: BTreeMap<String, BTreeMap<Names, String>> = BTreeMap::new();
+    let mut crates: BTreeMap<String, BTreeMap<ModulePath, String>> = BTreeMap::new();
     for file in files.iter().filter(|file| file.ends_with(".rs")) {
         let parts: Vec<&str> = file.split('/').collect();
         let ["rust", folder, "src", rest @ ..] = parts.as_slice() else { continue };
@@ -71,7 +68,7 @@ pub(super) fn check(places: &Places) -> Result<()> {
         }
         let names =
             rest.iter().map(|name| name.trim_end_matches(".rs")).filter(|name| !matches!(*name, "mod" | "main"));
-        let module: Names = names.filter(|name| *name != "lib").map(str::to_owned).collect();
+        let module: ModulePath = names.filter(|name| *name != "lib").map(str::to_owned).collect();
         let text = fs::read_to_string(path(places, file)).unwrap_or_default();
         crates.entry((*folder).to_owned()).or_default().insert(module, text);
     }
@@ -103,10 +100,10 @@ pub(super) fn check(places: &Places) -> Result<()> {
 }
 
 /// By folder, the arrows between the modules in it.
-fn arrows_of(modules: &BTreeMap<Names, String>) -> BTreeMap<Names, Arrows> {
-    let passed: BTreeMap<&Names, BTreeMap<String, String>> =
+fn arrows_of(modules: &BTreeMap<ModulePath, String>) -> BTreeMap<ModulePath, ModuleArrows> {
+    let passed: BTreeMap<&ModulePath, BTreeMap<String, String>> =
         modules.iter().map(|(module, text)| (module, passed_on(text))).collect();
-    let mut folders: BTreeMap<Names, Arrows> = BTreeMap::new();
+    let mut folders: BTreeMap<ModulePath, ModuleArrows> = BTreeMap::new();
     for (module, text) in modules {
         for used in used(text, module) {
             let depth = module.iter().zip(&used).take_while(|(own, other)| own == other).count();
@@ -124,7 +121,7 @@ fn arrows_of(modules: &BTreeMap<Names, String>) -> BTreeMap<Names, Arrows> {
 
 /// The paths, from the top of the crate, that a file names in shipped code: from `crate` or `super`, alone or in a
 /// group. `module`: the names of the modules around its code.
-fn used(text: &str, module: &Names) -> BTreeSet<Names> {
+fn used(text: &str, module: &ModulePath) -> BTreeSet<ModulePath> {
     let code: String = shipped(text).into_iter().map(|line| line.split("//").next().unwrap_or_default()).collect();
     let mut named = BTreeSet::new();
     for (at, _) in code.match_indices("crate::") {
@@ -146,7 +143,7 @@ fn used(text: &str, module: &Names) -> BTreeSet<Names> {
 
 /// The lines of a file without its modules of tests: what is below them ships. A module with a body ends at the first
 /// line that is the brace at its own indentation, as rustfmt lays code out.
-fn shipped(text: &str) -> Vec<&str> {
+pub(super) fn shipped(text: &str) -> Vec<&str> {
     let mut kept = Vec::new();
     let mut lines = text.lines();
     while let Some(line) = lines.next() {
@@ -173,7 +170,7 @@ fn is_module(line: &str) -> bool {
 }
 
 /// The paths at the beginning of a text, several where there is a group in braces, and the bytes that they take.
-fn paths(text: &str) -> (Vec<Names>, usize) {
+fn paths(text: &str) -> (Vec<ModulePath>, usize) {
     let start = text.len() - text.trim_start().len();
     let rest = &text[start..];
     if !rest.starts_with('{') {
@@ -218,7 +215,7 @@ fn passed_on(text: &str) -> BTreeMap<String, String> {
 }
 
 /// Modules that can be reached from themselves, together with those on the way; sorted.
-fn circles(arrows: &Arrows) -> BTreeSet<Vec<String>> {
+fn circles(arrows: &ModuleArrows) -> BTreeSet<Vec<String>> {
     let reach = |from: &str| {
         let mut seen = BTreeSet::new();
         let mut next: Vec<&String> = arrows.get(from).into_iter().flatten().collect();
@@ -241,7 +238,7 @@ fn circles(arrows: &Arrows) -> BTreeSet<Vec<String>> {
 mod tests {
     use super::*;
 
-    fn arrows(list: &[(&str, &[&str])]) -> Arrows {
+    fn arrows(list: &[(&str, &[&str])]) -> ModuleArrows {
         list.iter().map(|(from, to)| ((*from).to_owned(), to.iter().map(|name| (*name).to_owned()).collect())).collect()
     }
 
@@ -257,7 +254,7 @@ mod tests {
         list.iter().map(|name| (*name).to_owned()).collect()
     }
 
-    fn owned(list: &[&str]) -> Names {
+    fn owned(list: &[&str]) -> ModulePath {
         list.iter().map(|name| (*name).to_owned()).collect()
     }
 

@@ -7,7 +7,7 @@ use std::fs;
 use anyhow::{Result, bail};
 
 use crate::clone_files::{path, tracked_files};
-use crate::places::Places;
+use crate::places::RootFolders;
 
 /// Words that may not stand alone; one with an issue number behind it (`WORD(#12)`) may. Written in halves so that this
 /// file passes.
@@ -20,7 +20,7 @@ const UNSAFE_HOMES: &[&str] =
 /// Extensions of files that are read by people and compilers.
 const SOURCES: &[&str] = &["rs", "h", "cpp", "comp", "glsl", "py", "sh", "txt", "toml", "cmake"];
 
-pub(super) fn check(places: &Places) -> Result<()> {
+pub(super) fn check(places: &RootFolders) -> Result<()> {
     let mut findings = Vec::new();
     for file in tracked_files(places)? {
         // A file that is no text (a picture, a scene in crate form) has no words.

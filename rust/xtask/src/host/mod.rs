@@ -31,9 +31,9 @@ use std::process::Command;
 
 use anyhow::{Context as _, Result, ensure};
 
-pub(crate) use self::python::{HOST_VENV, Interpreter, REFERENCE_VENV, USD_VENV, VenvPlan, find_interpreter};
-use self::wheels::{Role, Wheel};
-use crate::places::Places;
+pub(crate) use self::python::{HOST_VENV, PythonInterpreter, REFERENCE_VENV, USD_VENV, VenvPlan, find_interpreter};
+use self::wheels::{PinnedWheel, WheelRole};
+use crate::places::RootFolders;
 use crate::process::{run, say};
 
 /// Raised when the layout described above changes.
@@ -83,7 +83,7 @@ const HEADER_FOLDERS: &[(&str, &str)] = &[
 ///
 /// # Errors
 /// If a wheel differs from its pin, cannot be fetched or unpacked, or if the finished host cannot be imported.
-pub(crate) fn prepare(places: &Places, interpreter: &Interpreter) -> Result<()> {
+pub(crate) fn prepare(places: &RootFolders, interpreter: &PythonInterpreter) -> Result<()> {
     fs::create_dir_all(&places.cache).with_context(|| format!("cannot create {}", places.cache.display()))?;
     let lock = File::create(places.cache.join(".lock")).context("cannot create the lock of the cache")?;
     lock.lock().context("cannot lock the cache")?;
@@ -97,14 +97,14 @@ pub(crate) fn prepare(places: &Places, interpreter: &Interpreter) -> Result<()> 
 ///
 /// # Errors
 /// If a wheel differs from its pin or cannot be fetched.
-pub(crate) fn prepare_extra(places: &Places, interpreter: &Interpreter, plan: &VenvPlan) -> Result<()> {
+pub(crate) fn prepare_extra(places: &RootFolders, interpreter: &PythonInterpreter, plan: &VenvPlan) -> Result<()> {
     let lock = File::create(places.cache.join(".lock")).context("cannot create the lock of the cache")?;
     lock.lock().context("cannot lock the cache")?;
     python::prepare_venv(places, interpreter, plan)
 }
 
-fn unpack(places: &Places, interpreter: &Interpreter) -> Result<()> {
-    let pinned = wheels::with_role(&[Role::Runtime, Role::Headers]);
+fn unpack(places: &RootFolders, interpreter: &PythonInterpreter) -> Result<()> {
+    let pinned = wheels::with_role(&[WheelRole::Runtime, WheelRole::Headers]);
     let stamp = wheels::stamp(LAYOUT, &pinned);
     if is_stamped(&places.host(), &stamp) {
         return Ok(());
@@ -122,10 +122,10 @@ fn unpack(places: &Places, interpreter: &Interpreter) -> Result<()> {
     fs::rename(&part, places.host()).context("cannot move the finished host into its place")
 }
 
-fn unpack_wheel(places: &Places, interpreter: &Interpreter, wheel: &Wheel, part: &Path) -> Result<()> {
+fn unpack_wheel(places: &RootFolders, interpreter: &PythonInterpreter, wheel: &PinnedWheel, part: &Path) -> Result<()> {
     let mut unpack = Command::new(&interpreter.program);
     unpack.args(["-I", "-c", include_str!("unpack_wheel.py")]).arg(places.downloads().join(wheel.file));
-    if wheel.role == Role::Runtime {
+    if wheel.role == WheelRole::Runtime {
         unpack.arg(part.join("python")).args(RUNTIME_PREFIXES);
     } else {
         unpack.arg(part.join("dev"));
@@ -153,7 +153,7 @@ fn link(target: &str, at: &Path) -> Result<()> {
 }
 
 /// The host must import before anything is built against it: a missing system library shows here, with its name.
-fn check_imports(places: &Places) -> Result<()> {
+fn check_imports(places: &RootFolders) -> Result<()> {
     let check = "from pxr import Usd, UsdImagingGL, UsdAppUtils; assert Usd.GetVersion() == (0, 25, 8)";
     let checked = places.host().join(".imports");
     if checked.exists() {

@@ -8,14 +8,14 @@ use std::process::{Command, Stdio};
 
 use anyhow::{Context as _, Result};
 
-use super::wheels::{self, Role};
+use super::wheels::{self, WheelRole};
 use super::{is_stamped, remove};
-use crate::places::{PYTHON_VERSION, Places};
+use crate::places::{PYTHON_VERSION, RootFolders};
 use crate::process::{run, say, succeeds};
 
 /// A usable interpreter of the version that the wheels are made for.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Interpreter {
+pub(crate) struct PythonInterpreter {
     /// The program to start.
     pub(crate) program: PathBuf,
     /// Folder with its own `Python.h`.
@@ -27,29 +27,32 @@ pub(crate) struct Interpreter {
 pub(crate) struct VenvPlan {
     /// Name of its folder in the cache.
     pub(crate) name: &'static str,
-    roles: &'static [Role],
+    roles: &'static [WheelRole],
     sees_host: bool,
 }
 
 /// Imports the wheel host's `pxr`: runs `usdrecord` and the tests of the plugin.
-pub(crate) const HOST_VENV: VenvPlan = VenvPlan { name: "venv-host", roles: &[Role::Tools], sees_host: true };
+pub(crate) const HOST_VENV: VenvPlan = VenvPlan { name: "venv-host", roles: &[WheelRole::Tools], sees_host: true };
 
 /// Imports usd-core's `pxr`: authors scenes, reads pictures.
 pub(crate) const USD_VENV: VenvPlan =
-    VenvPlan { name: "venv-usd", roles: &[Role::Tools, Role::UsdTools], sees_host: false };
+    VenvPlan { name: "venv-usd", roles: &[WheelRole::Tools, WheelRole::UsdTools], sees_host: false };
 
 /// Renders references with Mitsuba from scenes that usd-core reads; runs `MaterialX`'s own shaders of nodes.
-pub(crate) const REFERENCE_VENV: VenvPlan =
-    VenvPlan { name: "venv-reference", roles: &[Role::Tools, Role::UsdTools, Role::ReferenceTools], sees_host: false };
+pub(crate) const REFERENCE_VENV: VenvPlan = VenvPlan {
+    name: "venv-reference",
+    roles: &[WheelRole::Tools, WheelRole::UsdTools, WheelRole::ReferenceTools],
+    sees_host: false,
+};
 
 /// Finds a Python 3.11 that has `venv` and its own headers: `OOCPT_PYTHON`, the system's, then whatever is in `PATH`.
-pub(crate) fn find_interpreter() -> Option<Interpreter> {
+pub(crate) fn find_interpreter() -> Option<PythonInterpreter> {
     let explicit = env::var_os("OOCPT_PYTHON").map(PathBuf::from);
     let known = ["/usr/bin/python3.11", "python3.11", "python3"].map(PathBuf::from);
     explicit.into_iter().chain(known).find_map(|program| ask(&program))
 }
 
-fn ask(program: &Path) -> Option<Interpreter> {
+fn ask(program: &Path) -> Option<PythonInterpreter> {
     const QUESTION: &str = "import ensurepip, sys, sysconfig, venv; \
         print('%d.%d' % sys.version_info[:2]); print(sys.executable); print(sysconfig.get_path('include'))";
     let output =
@@ -58,15 +61,15 @@ fn ask(program: &Path) -> Option<Interpreter> {
     answer.include.join("Python.h").is_file().then_some(answer)
 }
 
-fn parse_answer(answer: &str) -> Option<Interpreter> {
+fn parse_answer(answer: &str) -> Option<PythonInterpreter> {
     let mut lines = answer.lines();
     if lines.next()? != PYTHON_VERSION {
         return None;
     }
-    Some(Interpreter { program: lines.next()?.into(), include: lines.next()?.into() })
+    Some(PythonInterpreter { program: lines.next()?.into(), include: lines.next()?.into() })
 }
 
-impl Places {
+impl RootFolders {
     /// The interpreter of the virtual environment `name`.
     pub(crate) fn venv_python(&self, name: &str) -> PathBuf {
         self.cache.join(name).join("bin/python")
@@ -75,7 +78,7 @@ impl Places {
 
 /// A Python with pip, to download with: Debian's own has none, so it comes from an environment of its own, made on
 /// first use.
-pub(super) fn with_pip(places: &Places, interpreter: &Interpreter) -> Result<PathBuf> {
+pub(super) fn with_pip(places: &RootFolders, interpreter: &PythonInterpreter) -> Result<PathBuf> {
     let python = places.venv_python("venv-pip");
     if !succeeds(&python, ["-m", "pip", "--version"]) {
         let folder = places.cache.join("venv-pip");
@@ -86,7 +89,7 @@ pub(super) fn with_pip(places: &Places, interpreter: &Interpreter) -> Result<Pat
 }
 
 /// Makes sure that the environment holds exactly its pinned wheels. The caller holds the lock of the cache.
-pub(super) fn prepare_venv(places: &Places, interpreter: &Interpreter, plan: &VenvPlan) -> Result<()> {
+pub(super) fn prepare_venv(places: &RootFolders, interpreter: &PythonInterpreter, plan: &VenvPlan) -> Result<()> {
     let pinned = wheels::with_role(plan.roles);
     let folder = places.cache.join(plan.name);
     let stamp = format!("{}\n{}", interpreter.program.display(), wheels::stamp(super::LAYOUT, &pinned));
@@ -123,7 +126,7 @@ mod tests {
 
     #[test]
     fn the_environments_never_mix_hosts() {
-        assert!(HOST_VENV.sees_host && !HOST_VENV.roles.contains(&Role::UsdTools), "the host has its own pxr");
-        assert!(!USD_VENV.sees_host && USD_VENV.roles.contains(&Role::UsdTools), "usd-core has its own pxr");
+        assert!(HOST_VENV.sees_host && !HOST_VENV.roles.contains(&WheelRole::UsdTools), "the host has its own pxr");
+        assert!(!USD_VENV.sees_host && USD_VENV.roles.contains(&WheelRole::UsdTools), "usd-core has its own pxr");
     }
 }

@@ -11,7 +11,7 @@ use crate::process::{capture, run, say};
 
 /// What a wheel is unpacked into.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Role {
+pub(crate) enum WheelRole {
     /// The runtime: `libusd_ms.so`, the Python package `pxr`, plugins.
     Runtime,
     /// Headers of one base library.
@@ -26,22 +26,22 @@ pub(crate) enum Role {
 
 /// One pinned wheel.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Wheel {
+pub(crate) struct PinnedWheel {
     pub(crate) requirement: &'static str,
     pub(crate) file: &'static str,
     pub(crate) sha256: &'static str,
-    pub(crate) role: Role,
+    pub(crate) role: WheelRole,
 }
 
 macro_rules! wheels {
     ($($role:ident $requirement:literal $file:literal $sha256:literal)*) => {
-        &[$(Wheel { requirement: $requirement, file: $file, sha256: $sha256, role: Role::$role }),*]
+        &[$(PinnedWheel { requirement: $requirement, file: $file, sha256: $sha256, role: WheelRole::$role }),*]
     };
 }
 
 /// All wheels, `requirement`, file name and SHA-256 as the package index lists them.
 #[rustfmt::skip]
-pub(crate) const WHEELS: &[Wheel] = wheels! {
+pub(crate) const WHEELS: &[PinnedWheel] = wheels! {
     Runtime "bpy==5.0.1"
         "bpy-5.0.1-cp311-cp311-manylinux_2_28_x86_64.whl"
         "79c6e421f53ea24a5961d86eefb8141798eee708682415eb4f5a952c2abdeb8b"
@@ -135,12 +135,12 @@ pub(crate) const WHEELS: &[Wheel] = wheels! {
 };
 
 /// The wheels with one of `roles`.
-pub(crate) fn with_role(roles: &[Role]) -> Vec<&'static Wheel> {
+pub(crate) fn with_role(roles: &[WheelRole]) -> Vec<&'static PinnedWheel> {
     WHEELS.iter().filter(|wheel| roles.contains(&wheel.role)).collect()
 }
 
 /// A text that changes with any pin among `wheels`: what a finished folder is stamped with.
-pub(crate) fn stamp(layout: u32, wheels: &[&Wheel]) -> String {
+pub(crate) fn stamp(layout: u32, wheels: &[&PinnedWheel]) -> String {
     let lines = wheels.iter().map(|wheel| format!("{} {}\n", wheel.sha256, wheel.file));
     format!("layout {layout}\n{}", lines.collect::<String>())
 }
@@ -150,7 +150,11 @@ pub(crate) fn stamp(layout: u32, wheels: &[&Wheel]) -> String {
 ///
 /// # Errors
 /// If a download fails, or if any file (old or new) differs from its pin: then nothing may be built from it.
-pub(crate) fn fetch(pip: impl Fn() -> Result<PathBuf>, downloads: &Path, wheels: &[&Wheel]) -> Result<Vec<PathBuf>> {
+pub(crate) fn fetch(
+    pip: impl Fn() -> Result<PathBuf>,
+    downloads: &Path,
+    wheels: &[&PinnedWheel],
+) -> Result<Vec<PathBuf>> {
     fs::create_dir_all(downloads).with_context(|| format!("cannot create {}", downloads.display()))?;
     for wheel in wheels {
         if !downloads.join(wheel.file).exists() {
@@ -162,7 +166,7 @@ pub(crate) fn fetch(pip: impl Fn() -> Result<PathBuf>, downloads: &Path, wheels:
     Ok(wheels.iter().map(|wheel| downloads.join(wheel.file)).collect())
 }
 
-fn download(python: &Path, downloads: &Path, wheel: &Wheel) -> Result<()> {
+fn download(python: &Path, downloads: &Path, wheel: &PinnedWheel) -> Result<()> {
     // pip writes the file in place: download beside it and rename, so that an interrupted run leaves no half wheel.
     let part = downloads.join(format!(".part-{}", std::process::id()));
     let mut pip = Command::new(python);
@@ -181,7 +185,7 @@ fn download(python: &Path, downloads: &Path, wheel: &Wheel) -> Result<()> {
 }
 
 /// Refuses a file whose bytes are not the pinned ones.
-fn verify(file: &Path, wheel: &Wheel) -> Result<()> {
+fn verify(file: &Path, wheel: &PinnedWheel) -> Result<()> {
     let line = capture(Command::new("sha256sum").arg("--binary").arg(file))?;
     let found = line.split_whitespace().next().unwrap_or_default().trim_start_matches('\\');
     if found != wheel.sha256 {
@@ -199,11 +203,11 @@ fn verify(file: &Path, wheel: &Wheel) -> Result<()> {
 mod tests {
     use super::*;
 
-    const HELLO: Wheel = Wheel {
+    const HELLO: PinnedWheel = PinnedWheel {
         requirement: "hello==1",
         file: "hello.whl",
         sha256: "2cf24dba5fb0a30e26e83b2ac5b9e29e1b161e5c1fa7425e73043362938b9824",
-        role: Role::Tools,
+        role: WheelRole::Tools,
     };
 
     fn scratch(name: &str) -> PathBuf {
@@ -235,7 +239,7 @@ mod tests {
 
     #[test]
     fn the_stamp_changes_with_any_pin() {
-        let other = Wheel { sha256: "00", ..HELLO };
+        let other = PinnedWheel { sha256: "00", ..HELLO };
         assert_ne!(stamp(1, &[&HELLO]), stamp(1, &[&other]), "another hash");
         assert_ne!(stamp(1, &[&HELLO]), stamp(2, &[&HELLO]), "another layout");
         assert_eq!(stamp(1, &[&HELLO]), stamp(1, &[&HELLO]), "the same pins");

@@ -79,13 +79,13 @@ fn ask(program: &str, arguments: &[&str]) -> String {
 
 /// The suite that serves a newer Mesa for the running release.
 #[derive(Debug, PartialEq, Eq)]
-pub(super) struct Backports {
+pub(super) struct DebianBackports {
     suite: String,
     /// The line that apt's sources lack, on the mirror that already serves the release.
     missing_line: Option<String>,
 }
 
-impl Backports {
+impl DebianBackports {
     /// # Errors
     /// If the release or its mirror cannot be read off the machine.
     pub(super) fn of_this_machine() -> Result<Self> {
@@ -166,7 +166,7 @@ mod tests {
     fn the_backports_come_from_the_machines_own_mirror() {
         let release = "VERSION_CODENAME=bookworm\n";
         let stock = "deb http://mirror/debian bookworm main\n".to_owned();
-        let lacking = Backports::of(release, std::slice::from_ref(&stock)).unwrap();
+        let lacking = DebianBackports::of(release, std::slice::from_ref(&stock)).unwrap();
         assert_eq!(lacking.missing_line.as_deref(), Some("deb http://mirror/debian bookworm-backports main"), "added");
         let command = lacking.mesa_command();
         assert!(
@@ -175,9 +175,9 @@ mod tests {
         );
         assert!(command.ends_with("sudo apt-get install -t bookworm-backports mesa-vulkan-drivers"), "{command}");
         assert_eq!(command.lines().count(), 1, "one line");
-        let served = Backports::of(release, &[stock.replace("bookworm", "bookworm-backports"), stock]).unwrap();
+        let served = DebianBackports::of(release, &[stock.replace("bookworm", "bookworm-backports"), stock]).unwrap();
         assert_eq!(served.mesa_command(), "sudo apt-get install -t bookworm-backports mesa-vulkan-drivers", "served");
-        assert!(Backports::of(release, &[]).unwrap_err().to_string().contains("bookworm"), "no mirror");
+        assert!(DebianBackports::of(release, &[]).unwrap_err().to_string().contains("bookworm"), "no mirror");
     }
 
     #[test]

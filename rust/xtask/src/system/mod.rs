@@ -17,7 +17,7 @@ use crate::places::PYTHON_VERSION;
 
 /// How to find out that a package's content is already there, whoever put it there.
 #[derive(Clone, Copy, Debug)]
-enum Probe {
+enum PackageProbe {
     /// A program in `PATH`.
     Program(&'static str),
     /// A shared library that the loader finds, by soname.
@@ -34,38 +34,38 @@ enum Probe {
 const PYTHON: &str = "python3-dev";
 
 /// Package names are Debian's; each is installed only if its probe fails.
-const NEEDS: &[(Probe, &str)] = &[
-    (Probe::Program("c++"), "g++"),
-    (Probe::Program("git"), "git"),
-    (Probe::Program("cmake"), "cmake"),
-    (Probe::Program("ninja"), "ninja-build"),
-    (Probe::Program("glslangValidator"), "glslang-tools"),
-    (Probe::Program("spirv-val"), "spirv-tools"),
-    (Probe::Header("tbb/tbb.h"), "libtbb-dev"),
-    (Probe::Header("OpenImageIO/imageio.h"), "libopenimageio-dev"),
-    (Probe::Header("OpenColorIO/OpenColorIO.h"), "libopencolorio-dev"),
-    (Probe::Python, PYTHON),
-    (Probe::Python, "python3-venv"),
-    (Probe::Library("libvulkan.so.1"), "libvulkan1"),
-    (Probe::Vulkan("explicit_layer.d", "VkLayer_khronos_validation"), "vulkan-validationlayers"),
-    (Probe::Vulkan("icd.d", ""), apt::MESA),
-    (Probe::Library("libjemalloc.so.2"), "libjemalloc2"),
-    (Probe::Library("libGL.so.1"), "libgl1"),
-    (Probe::Library("libX11.so.6"), "libx11-6"),
-    (Probe::Library("libXext.so.6"), "libxext6"),
-    (Probe::Library("libSM.so.6"), "libsm6"),
-    (Probe::Library("libICE.so.6"), "libice6"),
+const NEEDS: &[(PackageProbe, &str)] = &[
+    (PackageProbe::Program("c++"), "g++"),
+    (PackageProbe::Program("git"), "git"),
+    (PackageProbe::Program("cmake"), "cmake"),
+    (PackageProbe::Program("ninja"), "ninja-build"),
+    (PackageProbe::Program("glslangValidator"), "glslang-tools"),
+    (PackageProbe::Program("spirv-val"), "spirv-tools"),
+    (PackageProbe::Header("tbb/tbb.h"), "libtbb-dev"),
+    (PackageProbe::Header("OpenImageIO/imageio.h"), "libopenimageio-dev"),
+    (PackageProbe::Header("OpenColorIO/OpenColorIO.h"), "libopencolorio-dev"),
+    (PackageProbe::Python, PYTHON),
+    (PackageProbe::Python, "python3-venv"),
+    (PackageProbe::Library("libvulkan.so.1"), "libvulkan1"),
+    (PackageProbe::Vulkan("explicit_layer.d", "VkLayer_khronos_validation"), "vulkan-validationlayers"),
+    (PackageProbe::Vulkan("icd.d", ""), apt::MESA),
+    (PackageProbe::Library("libjemalloc.so.2"), "libjemalloc2"),
+    (PackageProbe::Library("libGL.so.1"), "libgl1"),
+    (PackageProbe::Library("libX11.so.6"), "libx11-6"),
+    (PackageProbe::Library("libXext.so.6"), "libxext6"),
+    (PackageProbe::Library("libSM.so.6"), "libsm6"),
+    (PackageProbe::Library("libICE.so.6"), "libice6"),
 ];
 
 /// The pinned formatter: other versions format differently.
 pub(crate) const CLANG_FORMAT: &str = "clang-format-14";
 
 /// Needed by `check` only.
-const CHECK_NEEDS: &[(Probe, &str)] = &[(Probe::Program(CLANG_FORMAT), CLANG_FORMAT)];
+const CHECK_NEEDS: &[(PackageProbe, &str)] = &[(PackageProbe::Program(CLANG_FORMAT), CLANG_FORMAT)];
 
 /// Which of the needs a command has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum For {
+pub(crate) enum NeededFor {
     /// Building and running.
     Build,
     /// Also the formatters that `check` runs.
@@ -76,9 +76,9 @@ pub(crate) enum For {
 ///
 /// # Errors
 /// If something is missing and the user is not root or apt-get is not there or fails.
-pub(crate) fn prepare(purpose: For) -> Result<()> {
+pub(crate) fn prepare(purpose: NeededFor) -> Result<()> {
     let mut needs = NEEDS.to_vec();
-    if purpose == For::Check {
+    if purpose == NeededFor::Check {
         needs.extend(CHECK_NEEDS);
     }
     let missing = missing_packages(&needs);
@@ -96,7 +96,7 @@ pub(crate) fn prepare(purpose: For) -> Result<()> {
         }
     }
     // Mesa 22's llvmpipe computes wrong images, and the renderer refuses it (see the book, design/machine).
-    if apt::has_old_mesa() { apt::Backports::of_this_machine()?.install_mesa() } else { Ok(()) }
+    if apt::has_old_mesa() { apt::DebianBackports::of_this_machine()?.install_mesa() } else { Ok(()) }
 }
 
 /// Fails if anything is `missing`, with one line that names all of it.
@@ -107,7 +107,7 @@ fn ask_for(missing: &[&'static str]) -> Result<()> {
     }
     // With a GPU the old Mesa may stay: its drivers are fine, and the renderer refuses only its llvmpipe.
     let has_old_mesa = if missing.contains(&apt::MESA) { apt::offers_old_mesa() } else { apt::has_old_mesa() };
-    let backports = if has_old_mesa && !has_gpu() { Some(apt::Backports::of_this_machine()?) } else { None };
+    let backports = if has_old_mesa && !has_gpu() { Some(apt::DebianBackports::of_this_machine()?) } else { None };
     let commands = commands_for(missing, backports.as_ref());
     // Where the release's Python is another one, its packages do not help.
     let hint = if missing.contains(&PYTHON) {
@@ -120,10 +120,10 @@ fn ask_for(missing: &[&'static str]) -> Result<()> {
 }
 
 /// A shell line that installs what is missing; empty if nothing is.
-fn commands_for(missing: &[&'static str], backports: Option<&apt::Backports>) -> String {
+fn commands_for(missing: &[&'static str], backports: Option<&apt::DebianBackports>) -> String {
     let stock: Vec<_> = missing.iter().copied().filter(|name| backports.is_none() || *name != apt::MESA).collect();
     let install = (!stock.is_empty()).then(|| format!("sudo apt-get install {}", stock.join(" ")));
-    let mesa = backports.map(apt::Backports::mesa_command);
+    let mesa = backports.map(apt::DebianBackports::mesa_command);
     install.into_iter().chain(mesa).collect::<Vec<_>>().join(" && ")
 }
 
@@ -136,20 +136,20 @@ pub(crate) fn has_gpu() -> bool {
     holds("/dev", "nvidia0") || holds("/dev/dri", "renderD")
 }
 
-fn missing_packages(needs: &[(Probe, &'static str)]) -> Vec<&'static str> {
+fn missing_packages(needs: &[(PackageProbe, &'static str)]) -> Vec<&'static str> {
     let libraries = loader_cache();
     needs.iter().filter(|(probe, _)| !is_met(*probe, &libraries)).map(|(_, package)| *package).collect()
 }
 
-fn is_met(probe: Probe, libraries: &str) -> bool {
+fn is_met(probe: PackageProbe, libraries: &str) -> bool {
     match probe {
-        Probe::Program(name) => find_program(name).is_some(),
-        Probe::Library(soname) => libraries.contains(soname),
-        Probe::Header(header) => {
+        PackageProbe::Program(name) => find_program(name).is_some(),
+        PackageProbe::Library(soname) => libraries.contains(soname),
+        PackageProbe::Header(header) => {
             ["/usr/include", "/usr/local/include"].iter().any(|root| Path::new(root).join(header).is_file())
         }
-        Probe::Vulkan(folder, prefix) => has_vulkan_manifest(folder, prefix),
-        Probe::Python => host::find_interpreter().is_some(),
+        PackageProbe::Vulkan(folder, prefix) => has_vulkan_manifest(folder, prefix),
+        PackageProbe::Python => host::find_interpreter().is_some(),
     }
 }
 
@@ -221,11 +221,11 @@ mod tests {
     #[test]
     fn only_what_is_missing_is_named() {
         let needs = [
-            (Probe::Program("sh"), "dash"),
-            (Probe::Program("no-such-program-xyz"), "absent-tool"),
-            (Probe::Library("libno-such.so.9"), "absent-library"),
-            (Probe::Header("no/such/header.h"), "absent-header"),
-            (Probe::Vulkan("no-such.d", ""), "absent-driver"),
+            (PackageProbe::Program("sh"), "dash"),
+            (PackageProbe::Program("no-such-program-xyz"), "absent-tool"),
+            (PackageProbe::Library("libno-such.so.9"), "absent-library"),
+            (PackageProbe::Header("no/such/header.h"), "absent-header"),
+            (PackageProbe::Vulkan("no-such.d", ""), "absent-driver"),
         ];
         let missing = missing_packages(&needs);
         assert_eq!(missing, ["absent-tool", "absent-library", "absent-header", "absent-driver"], "sh is everywhere");
@@ -240,7 +240,7 @@ mod tests {
             "stock"
         );
         let lists = ["deb http://mirror/debian bookworm main\n".to_owned()];
-        let backports = apt::Backports::of("VERSION_CODENAME=bookworm\n", &lists).unwrap();
+        let backports = apt::DebianBackports::of("VERSION_CODENAME=bookworm\n", &lists).unwrap();
         let both = commands_for(&["cmake", apt::MESA], Some(&backports));
         assert_eq!(both, format!("sudo apt-get install cmake && {}", backports.mesa_command()), "Mesa from one place");
     }

@@ -8,8 +8,8 @@ use std::process::Command;
 use anyhow::{Context as _, Result};
 use serde_json::Value;
 
-use super::{Extent, Group};
-use crate::places::Places;
+use super::{TestExtent, TestGroup};
+use crate::places::RootFolders;
 use crate::process::capture;
 use crate::shell;
 
@@ -18,7 +18,7 @@ const BY_MODULE: [(&str, &str); 1] = [("render", "gpu")];
 /// Submodules in groups of their own: they differ from the rest, or are as long as all of it.
 const APART: [&str; 1] = ["streaming::roulette"];
 /// Crates whose tests open a device.
-const WITH_DEVICE: [&str; 7] = ["bridge", "cli", "extreme", "gpu", "judge", "render", "traverse"];
+const WITH_DEVICE: [&str; 7] = ["bench", "bridge", "extreme", "gpu", "judge", "render", "traverse"];
 /// Groups that ask whether the order in which threads of the device get on shows. In all others Mesa's software driver
 /// works on the thread that submits, which spares it waking its threads for each of hundreds of passes over few paths.
 const THREADED: [&str; 10] = [
@@ -51,7 +51,7 @@ const LONG: [&str; 12] = [
 
 /// A program of tests.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Program {
+pub(super) struct TestProgram {
     /// Folder of the crate, without the path to it: a crate's tests run in it.
     package: String,
     folder: PathBuf,
@@ -60,7 +60,7 @@ pub(super) struct Program {
     executable: PathBuf,
 }
 
-impl Program {
+impl TestProgram {
     /// The test program that one of cargo's messages tells of, if it does (`--message-format json`).
     pub(super) fn of_message(line: &str) -> Option<Self> {
         let message: Value = serde_json::from_str(line).ok()?;
@@ -80,7 +80,7 @@ impl Program {
         BY_MODULE.contains(&(&self.package, &self.target))
     }
 
-    fn command(&self, places: &Places, extent: Extent<'_>) -> Command {
+    fn command(&self, places: &RootFolders, extent: TestExtent<'_>) -> Command {
         let mut command = Command::new(&self.executable);
         command.current_dir(&self.folder).env("CARGO_MANIFEST_DIR", &self.folder);
         shell::apply(&shell::for_wheel(places), &mut command);
@@ -94,11 +94,11 @@ impl Program {
 /// # Errors
 /// If a program cannot list its tests.
 pub(super) fn of_programs(
-    places: &Places,
-    programs: &[Program],
-    extent: Extent<'_>,
+    places: &RootFolders,
+    programs: &[TestProgram],
+    extent: TestExtent<'_>,
     has_gpu: bool,
-) -> Result<Vec<Group>> {
+) -> Result<Vec<TestGroup>> {
     let mut groups = Vec::new();
     for program in programs {
         let mut list = program.command(places, extent);
@@ -112,14 +112,14 @@ pub(super) fn of_programs(
                 command.env("LP_NUM_THREADS", "0");
             }
             let is_long = LONG.contains(&name.as_str());
-            groups.push(Group { name, command, passes: |status| status == 0, is_long });
+            groups.push(TestGroup { name, command, passes: |status| status == 0, is_long });
         }
     }
     Ok(groups)
 }
 
 /// Names of groups and their tests, of a list as libtest writes it.
-fn dealt(program: &Program, list: &str, filter: Option<&str>) -> BTreeMap<String, Vec<String>> {
+fn dealt(program: &TestProgram, list: &str, filter: Option<&str>) -> BTreeMap<String, Vec<String>> {
     let mut dealt: BTreeMap<String, Vec<String>> = BTreeMap::new();
     let tests = list.lines().filter_map(|line| line.strip_suffix(": test"));
     for test in tests.filter(|test| filter.is_none_or(|part| test.contains(part))) {
@@ -142,9 +142,9 @@ mod tests {
     const LIST: &str = "a::one: test\nstreaming::roulette::x: test\nstreaming::y: test\nb::one: test\nb::two: test\n\
                         streaming::roulettes::z: test\n0 benchmarks\nalone: test\n";
 
-    fn program(package: &str, target: &str) -> Program {
+    fn program(package: &str, target: &str) -> TestProgram {
         let [package, target] = [package, target].map(str::to_owned);
-        Program { package, target, folder: "/r".into(), executable: "/t".into() }
+        TestProgram { package, target, folder: "/r".into(), executable: "/t".into() }
     }
 
     fn counts(dealt: &BTreeMap<String, Vec<String>>) -> Vec<(&str, usize)> {
@@ -184,12 +184,12 @@ mod tests {
             )
             .replace('\n', "")
         };
-        let program = Program::of_message(&message(true, "test")).unwrap();
+        let program = TestProgram::of_message(&message(true, "test")).unwrap();
         assert_eq!((program.package.as_str(), program.target.as_str()), ("core", "all"));
         assert_eq!((program.folder, program.executable), ("/r/rust/core".into(), "/t/all-1".into()));
-        assert_eq!(Program::of_message(&message(true, "lib")).unwrap().target, "unit");
-        assert_eq!(Program::of_message(&message(false, "bin")), None, "a program, but not of tests");
-        assert_eq!(Program::of_message("   Compiling core"), None);
+        assert_eq!(TestProgram::of_message(&message(true, "lib")).unwrap().target, "unit");
+        assert_eq!(TestProgram::of_message(&message(false, "bin")), None, "a program, but not of tests");
+        assert_eq!(TestProgram::of_message("   Compiling core"), None);
     }
 
     #[test]

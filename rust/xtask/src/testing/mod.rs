@@ -18,12 +18,12 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Result, bail};
 
-use crate::host::Interpreter;
-use crate::places::Places;
+use crate::host::PythonInterpreter;
+use crate::places::RootFolders;
 use crate::process::say;
 use crate::{product, system};
-use groups::Program;
-use watched::Watched;
+use groups::TestProgram;
+use watched::WatchedProcess;
 
 /// Set for tests that are to take all seeds, and for Python to ask everything in both front ends of Hydra.
 const FULL: &str = "OOCPT_TEST_FULL";
@@ -37,14 +37,14 @@ const LISTED: usize = 10;
 
 /// Which tests run, and how far they go.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Extent<'a> {
+pub(crate) struct TestExtent<'a> {
     /// Part of the names; all without.
     pub(crate) filter: Option<&'a str>,
     /// Tests that count over seeds take all of them.
     pub(crate) full: bool,
 }
 
-impl Extent<'_> {
+impl TestExtent<'_> {
     /// Tells the tests.
     fn tell(self, tests: &mut Command) {
         if self.full {
@@ -57,7 +57,7 @@ impl Extent<'_> {
 
 /// What runs in one process.
 #[derive(Debug)]
-struct Group {
+struct TestGroup {
     /// What its lines begin with.
     name: String,
     command: Command,
@@ -69,18 +69,18 @@ struct Group {
 
 /// Groups that wait for their turn, and whether more will come.
 #[derive(Debug, Default)]
-struct Queue {
-    waiting: Mutex<(VecDeque<Group>, bool)>,
+struct GroupQueue {
+    waiting: Mutex<(VecDeque<TestGroup>, bool)>,
     changed: Condvar,
 }
 
-impl Queue {
-    fn waiting(&self) -> MutexGuard<'_, (VecDeque<Group>, bool)> {
+impl GroupQueue {
+    fn waiting(&self) -> MutexGuard<'_, (VecDeque<TestGroup>, bool)> {
         self.waiting.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Adds groups, the long ones before all others; `last` if none will come after them.
-    fn add(&self, groups: Vec<Group>, last: bool) {
+    fn add(&self, groups: Vec<TestGroup>, last: bool) {
         let mut waiting = self.waiting();
         waiting.0.extend(groups);
         waiting.0.make_contiguous().sort_by_key(|group| !group.is_long);
@@ -89,7 +89,7 @@ impl Queue {
     }
 
     /// Takes one; waits where more will come.
-    fn next(&self) -> Option<Group> {
+    fn next(&self) -> Option<TestGroup> {
         let mut waiting = self.waiting();
         loop {
             if let Some(group) = waiting.0.pop_front() {
@@ -108,11 +108,11 @@ impl Queue {
 ///
 /// # Errors
 /// Names the groups that failed, or says why a build did.
-pub(crate) fn run(places: &Places, interpreter: &Interpreter, extent: Extent<'_>) -> Result<()> {
+pub(crate) fn run(places: &RootFolders, interpreter: &PythonInterpreter, extent: TestExtent<'_>) -> Result<()> {
     let messages = timed("building the workspace", || product::build_tests(places))?;
-    let programs: Vec<Program> = messages.lines().filter_map(Program::of_message).collect();
+    let programs: Vec<TestProgram> = messages.lines().filter_map(TestProgram::of_message).collect();
     let has_gpu = system::has_gpu();
-    let queue = Queue::default();
+    let queue = GroupQueue::default();
     queue.add(groups::of_programs(places, &programs, extent, has_gpu)?, false);
     let build = || {
         let built = timed("building the product", || product::build_for_tests(places, interpreter));
@@ -136,13 +136,13 @@ pub(crate) fn run(places: &Places, interpreter: &Interpreter, extent: Extent<'_>
 }
 
 /// Runs groups, `workers` at a time; gives the names of those that failed.
-fn run_groups(queue: &Queue, workers: usize) -> Result<Vec<String>> {
+fn run_groups(queue: &GroupQueue, workers: usize) -> Result<Vec<String>> {
     let durations = Mutex::new(Vec::new());
     let work = || -> Result<Vec<String>> {
         let mut failed = Vec::new();
         while let Some(mut group) = queue.next() {
             let started = Instant::now();
-            let watched = Watched { mark: &format!("[{}] ", group.name), patience: PATIENCE };
+            let watched = WatchedProcess { mark: &format!("[{}] ", group.name), patience: PATIENCE };
             let (status, tests) = watched.run(&mut group.command)?;
             let passes = (group.passes)(status);
             let ending = if passes { "passed" } else { "FAILED" };
@@ -182,17 +182,17 @@ fn timed<T>(name: &str, step: impl FnOnce() -> T) -> T {
 mod tests {
     use super::*;
 
-    fn group(name: &str, script: &str) -> Group {
+    fn group(name: &str, script: &str) -> TestGroup {
         let mut command = Command::new("sh");
         command.args(["-c", script]);
-        Group { name: name.into(), command, passes: |status| status == 0, is_long: false }
+        TestGroup { name: name.into(), command, passes: |status| status == 0, is_long: false }
     }
 
     #[test]
     fn long_groups_come_first() {
-        let queue = Queue::default();
+        let queue = GroupQueue::default();
         queue.add(vec![group("a", ""), group("b", "")], false);
-        queue.add(vec![Group { is_long: true, ..group("c", "") }, group("d", "")], true);
+        queue.add(vec![TestGroup { is_long: true, ..group("c", "") }, group("d", "")], true);
         let order: Vec<String> = std::iter::from_fn(|| queue.next()).map(|group| group.name).collect();
         assert_eq!(order, ["c", "a", "b", "d"]);
     }
@@ -201,7 +201,7 @@ mod tests {
     fn all_groups_run_and_those_that_fail_are_named() {
         let file = std::env::temp_dir().join(format!("oocpt-groups-{}", std::process::id()));
         let last = format!("touch '{}'", file.display());
-        let queue = Queue::default();
+        let queue = GroupQueue::default();
         queue.add(vec![group("a", "exit 0"), group("b", "exit 1")], false);
         let failed = thread::scope(|scope| {
             let failed = scope.spawn(|| run_groups(&queue, 2));

@@ -8,9 +8,9 @@ use std::process::Command;
 
 use anyhow::{Context as _, Result};
 
-use super::{Extent, Group};
+use super::{TestExtent, TestGroup};
 use crate::host::{HOST_VENV, USD_VENV};
-use crate::places::Places;
+use crate::places::RootFolders;
 use crate::product::{self, PROFILE};
 use crate::shell;
 
@@ -23,7 +23,7 @@ const HYDRA_GROUPS: usize = 3;
 ///
 /// # Errors
 /// If the folder of the tests through Hydra cannot be read.
-pub(super) fn groups(places: &Places, extent: Extent<'_>) -> Result<Vec<Group>> {
+pub(super) fn groups(places: &RootFolders, extent: TestExtent<'_>) -> Result<Vec<TestGroup>> {
     let tests = places.repo.join("tests");
     let [hydra, host] = ["hydra", "host"].map(|folder| tests.join(folder));
     let mut files = Vec::new();
@@ -46,13 +46,13 @@ pub(super) fn groups(places: &Places, extent: Extent<'_>) -> Result<Vec<Group>> 
 }
 
 fn group(
-    places: &Places,
+    places: &RootFolders,
     name: &str,
     venv: &str,
     paths: Vec<PathBuf>,
     without: &[PathBuf],
-    extent: Extent<'_>,
-) -> Group {
+    extent: TestExtent<'_>,
+) -> TestGroup {
     let mut pytest = Command::new(places.venv_python(venv));
     pytest.current_dir(&places.repo);
     pytest.args(["-I", "-m", "pytest", "-ra", "-v", "--durations=10", "--import-mode=importlib"]).args(paths);
@@ -66,5 +66,5 @@ fn group(
         pytest.args(["-k", filter]);
     }
     let passes = |status| status == 0 || status == NOTHING_COLLECTED;
-    Group { name: name.into(), command: pytest, passes, is_long: name != "host" }
+    TestGroup { name: name.into(), command: pytest, passes, is_long: name != "host" }
 }

@@ -17,7 +17,7 @@ const OF_A_TEST: [&str; 4] = [" ... ok\n", " ... FAILED\n", " PASSED", " FAILED"
 
 /// How a process is watched.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Watched<'a> {
+pub(super) struct WatchedProcess<'a> {
     /// What each of its lines begins with.
     pub(super) mark: &'a str,
     /// Without a word for so long it is killed.
@@ -25,15 +25,15 @@ pub(super) struct Watched<'a> {
 }
 
 /// How long a test took, and its mark and name.
-pub(super) type Timed = (Duration, String);
+pub(super) type TimedTest = (Duration, String);
 
-impl Watched<'_> {
+impl WatchedProcess<'_> {
     /// Runs a command to its end, standard error with standard output; its exit status, -1 where a signal ended it, and
     /// its tests, which run one after the other.
     ///
     /// # Errors
     /// If it cannot be started, or nobody takes the lines.
-    pub(super) fn run(self, command: &mut Command) -> Result<(i32, Vec<Timed>)> {
+    pub(super) fn run(self, command: &mut Command) -> Result<(i32, Vec<TimedTest>)> {
         let program = command.get_program().to_owned();
         let (mut reader, writer) = std::io::pipe().context("no pipe")?;
         let errors = writer.try_clone().context("no pipe")?;
@@ -107,8 +107,8 @@ mod tests {
         shell
     }
 
-    fn watched(seconds: u64) -> Watched<'static> {
-        Watched { mark: "[sh] ", patience: Duration::from_secs(seconds) }
+    fn watched(seconds: u64) -> WatchedProcess<'static> {
+        WatchedProcess { mark: "[sh] ", patience: Duration::from_secs(seconds) }
     }
 
     #[test]

@@ -3,7 +3,7 @@
 //! is the host's; elsewhere the host cannot walk rays, and there are no rows.
 
 use glam::{DMat4, DQuat, DVec3};
-use oocpt_core::scene::{CurveBasis, SceneDb, Shape, TransformSample};
+use oocpt_core::scene::{CurveBasis, PrimShape, SceneDb, TransformSample};
 use oocpt_core::settings::TraversalKind;
 
 use super::shapes::{curve, eye, shape, straight};
@@ -33,7 +33,7 @@ pub(crate) fn run(lab: &mut Lab<'_>) {
         ("a card that moves by 1e9", moving, view),
         ("a curve at scale 1e9", |db| curved(db, 1e9), || eye(1e9)),
         ("a curve at scale 1e-6", |db| curved(db, 1e-6), || eye(1e-6)),
-        ("points that hold each other", |db| round(db, shape(Shape::Points, &[DVec3::ZERO; 3], 2.0)), || eye(1.0)),
+        ("points that hold each other", |db| round(db, shape(PrimShape::Points, &[DVec3::ZERO; 3], 2.0)), || eye(1.0)),
     ];
     for (name, build, eye) in cases {
         lab.case(&format!("backends/{name}"), |lab, case| {

@@ -8,7 +8,7 @@ use glam::{DMat4, DVec3, DVec4};
 use oocpt_core::TypedArray;
 use oocpt_core::scene::{
     CurveBasis, CurveWrap, CurvesDesc, Interpolation, LightDesc, LightKind, MeshDesc, PointsMotion, PointsSample,
-    Primvar, SceneDb, Shape, Subdivision, TransformSample,
+    PrimShape, Primvar, SceneDb, Subdivision, TransformSample,
 };
 
 use crate::build::{Body, dome, narrow, prim};
@@ -32,7 +32,7 @@ fn width(value: f64) -> Option<Primvar> {
     Some(Primvar { interpolation: Interpolation::Constant, values, indices: None })
 }
 
-pub(super) fn shape(shape: Shape, points: &[DVec3], wide: f64) -> MeshDesc {
+pub(super) fn shape(shape: PrimShape, points: &[DVec3], wide: f64) -> MeshDesc {
     let points = TypedArray::of(points.iter().copied().map(narrow).collect::<Vec<_>>());
     let black = Body { points: Vec::new(), faces: Vec::new(), albedo: 0.0 };
     let mesh = black.mesh(prim("/shape", DMat4::IDENTITY), 1);
@@ -41,7 +41,7 @@ pub(super) fn shape(shape: Shape, points: &[DVec3], wide: f64) -> MeshDesc {
 
 pub(super) fn curve(basis: CurveBasis, points: &[DVec3], wide: f64) -> MeshDesc {
     let counts = TypedArray::of(vec![i32::try_from(points.len()).unwrap_or(0)]);
-    shape(Shape::Curves(CurvesDesc { basis, wrap: CurveWrap::Nonperiodic, counts, indices: None }), points, wide)
+    shape(PrimShape::Curves(CurvesDesc { basis, wrap: CurveWrap::Nonperiodic, counts, indices: None }), points, wide)
 }
 
 /// From one side of the view to beyond the other, `count` points.
@@ -158,7 +158,7 @@ pub(crate) fn run(lab: &mut Lab<'_>) {
         ),
         (
             "shapes/points that hold each other",
-            || shape(Shape::Points, &[DVec3::ZERO, DVec3::ZERO, DVec3::ZERO], 2.0),
+            || shape(PrimShape::Points, &[DVec3::ZERO, DVec3::ZERO, DVec3::ZERO], 2.0),
             ball,
             2e-3,
         ),
@@ -206,7 +206,7 @@ fn hostile(lab: &mut Lab<'_>) {
     }
     let nothing: [Bad; 2] = [
         ("shapes/curve of width 0", || curve(CurveBasis::Linear, &straight(9, 1.0), 0.0)),
-        ("shapes/point of width 0", || shape(Shape::Points, &[DVec3::ZERO], 0.0)),
+        ("shapes/point of width 0", || shape(PrimShape::Points, &[DVec3::ZERO], 0.0)),
     ];
     for (name, build) in nothing {
         lab.case(name, |lab, case| {
@@ -223,7 +223,7 @@ fn widening(ribbon: bool, all: &[(f64, f64)]) -> MeshDesc {
     let mesh = if ribbon {
         curve(CurveBasis::Linear, &straight(2, 1.0), 1.0)
     } else {
-        shape(Shape::Points, &[DVec3::ZERO], 1.0)
+        shape(PrimShape::Points, &[DVec3::ZERO], 1.0)
     };
     let front = Primvar {
         interpolation: Interpolation::Constant,
@@ -287,7 +287,7 @@ fn scales(lab: &mut Lab<'_>) {
             lab.mean(case, "light that is left", 1.0 - 0.5 / 4.0, &shot, 2e-3, None);
         });
         lab.case(&format!("shapes/point at scale {scale:e}"), |lab, case| {
-            let stage = lab.bench.stage(|db| sky(db, shape(Shape::Points, &[DVec3::ZERO], 2.0 * scale)));
+            let stage = lab.bench.stage(|db| sky(db, shape(PrimShape::Points, &[DVec3::ZERO], 2.0 * scale)));
             let shot = lab.shoot(case, &stage, &eye(scale).camera(), &way());
             lab.mean(case, "light that is left", 1.0 - PI / 16.0, &shot, 2e-3, None);
         });

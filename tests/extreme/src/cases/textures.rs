@@ -9,7 +9,7 @@ use glam::{DMat4, DVec3};
 use oocpt_core::TypedArray;
 use oocpt_core::scene::{AssetRef, Interpolation, MeshDesc, NamedPrimvar, ParamValue, Primvar, SceneDb};
 use oocpt_core::texture::TexelFormat;
-use oocpt_render::textures::{Image, ImageError, ImageInfo, ImageLibrary};
+use oocpt_render::textures::{ImageError, ImageInfo, ImageLibrary, SourceImage};
 
 use crate::build::{Body, dome, network, node, prim};
 use crate::lab::{Found, Lab, mean};
@@ -30,7 +30,7 @@ impl Fields {
     }
 }
 
-impl Image for Fields {
+impl SourceImage for Fields {
     fn info(&self) -> ImageInfo {
         let count = 32 - self.0[0].max(self.0[1]).leading_zeros();
         let levels = (0..count).map(|level| self.0.map(|side| (side >> level).max(1))).collect();
@@ -59,7 +59,7 @@ impl Image for Fields {
 #[derive(Debug)]
 struct Bad(f32);
 
-impl Image for Bad {
+impl SourceImage for Bad {
     fn info(&self) -> ImageInfo {
         ImageInfo { levels: vec![[8, 8]], ..Fields([8, 8]).info() }
     }
@@ -80,7 +80,7 @@ impl Image for Bad {
 struct Library;
 
 impl ImageLibrary for Library {
-    fn open(&self, asset: &AssetRef) -> Result<Arc<dyn Image>, ImageError> {
+    fn open(&self, asset: &AssetRef) -> Result<Arc<dyn SourceImage>, ImageError> {
         let bad = || ImageError("no such picture".into());
         if let Some((width, height)) = asset.resolved.split_once('x') {
             let side = |text: &str| text.parse().map_err(|_no_number| bad());

@@ -4,11 +4,11 @@ use super::*;
 use glam::{DVec3, Vec3};
 use std::f64::consts::PI;
 
-fn solid(radii: [f64; 2], height: f64, is_round: bool) -> Solid {
-    Solid { size: SolidSize { radii, height }, samples: Vec::new(), axis: 2, is_round }
+fn solid(radii: [f64; 2], height: f64, is_round: bool) -> SolidDesc {
+    SolidDesc { size: SolidSize { radii, height }, samples: Vec::new(), axis: 2, is_round }
 }
 
-fn formed(solid: &Solid, polygons: bool) -> MeshDesc {
+fn formed(solid: &SolidDesc, polygons: bool) -> MeshDesc {
     let mut desc = MeshDesc { solid: Some(solid.clone()), ..MeshDesc::default() };
     assert!(desc.take_form(polygons), "{solid:?} has no form before");
     assert!(!desc.take_form(polygons), "and keeps it");
@@ -94,7 +94,7 @@ fn polygons_have_the_area_and_volume_of_the_solid() {
 #[test]
 fn corners_are_on_the_solid_along_any_axis() {
     for axis in 0..3 {
-        let solid = Solid { axis, ..solid([0.3, 0.3], 0.8, false) };
+        let solid = SolidDesc { axis, ..solid([0.3, 0.3], 0.8, false) };
         for [place, normal] in faces(&formed(&solid, true)).into_iter().flatten() {
             let across = DVec3::from_array([0, 1, 2].map(|k| if k == axis { 0.0 } else { place[k] }));
             assert!((place[axis].abs() - 0.4).abs() < 1e-7, "at an end: {place}");
@@ -109,18 +109,18 @@ fn corners_are_on_the_solid_along_any_axis() {
 #[test]
 fn spheres_and_even_capsules_are_exact_unless_asked_otherwise() {
     let sphere = formed(&solid([0.5, 0.5], 0.0, true), false);
-    assert!(matches!(sphere.shape, Shape::Points) && sphere.points.len() == 1, "a point");
+    assert!(matches!(sphere.shape, PrimShape::Points) && sphere.points.len() == 1, "a point");
     assert_eq!(sphere.widths.as_ref().and_then(|w| w.values.view().scalar(0)), Some(1.0), "its diameter");
-    let capsule = formed(&Solid { axis: 0, ..solid([0.5, -0.5], -3.0, true) }, false);
-    assert!(matches!(capsule.shape, Shape::Curves(_)), "a piece of a curve");
+    let capsule = formed(&SolidDesc { axis: 0, ..solid([0.5, -0.5], -3.0, true) }, false);
+    assert!(matches!(capsule.shape, PrimShape::Curves(_)), "a piece of a curve");
     let ends = [0, 1].map(|at| capsule.points.view().vec3(at).unwrap().as_vec3());
     assert_eq!(ends, [Vec3::new(-1.5, 0.0, 0.0), Vec3::new(1.5, 0.0, 0.0)], "its ends");
     for (radii, height, is_round) in [([0.5, 0.4], 1.0, true), ([0.5, 0.5], 1.0, false)] {
         let desc = formed(&solid(radii, height, is_round), false);
-        assert!(matches!(desc.shape, Shape::Mesh), "{radii:?} {height} {is_round} are polygons");
+        assert!(matches!(desc.shape, PrimShape::Mesh), "{radii:?} {height} {is_round} are polygons");
     }
     let mut desc = sphere;
-    assert!(desc.take_form(true) && matches!(desc.shape, Shape::Mesh), "a form can be changed");
+    assert!(desc.take_form(true) && matches!(desc.shape, PrimShape::Mesh), "a form can be changed");
     assert!(desc.take_form(false) && desc.normals.is_none() && desc.face_vertex_counts.is_empty(), "and back");
 }
 
@@ -146,7 +146,7 @@ fn motion_samples_have_the_topology_of_the_frame() {
     let size = |lower: f64, upper: f64, height: f64| SolidSize { radii: [lower, upper], height };
     for is_round in [false, true] {
         let samples = vec![(0.0, size(0.0, 0.0, 0.0)), (1.0, size(0.5, 0.25, 2.0))];
-        let solid = Solid { samples, ..solid([0.5, 0.5], 0.0, is_round) };
+        let solid = SolidDesc { samples, ..solid([0.5, 0.5], 0.0, is_round) };
         let desc = formed(&solid, false);
         assert_eq!(desc.point_motion.samples.len(), 2, "both");
         for sample in &desc.point_motion.samples {
@@ -156,7 +156,7 @@ fn motion_samples_have_the_topology_of_the_frame() {
         }
     }
     let samples = vec![(0.0, size(1.0, 1.0, 0.0)), (1.0, size(2.0, 2.0, 0.0))];
-    let desc = formed(&Solid { samples, ..solid([1.5, 1.5], 0.0, true) }, false);
+    let desc = formed(&SolidDesc { samples, ..solid([1.5, 1.5], 0.0, true) }, false);
     let widths = desc.point_motion.samples.iter().map(|s| s.widths.as_ref().unwrap().view().scalar(0).unwrap());
     assert_eq!(widths.collect::<Vec<_>>(), [2.0, 4.0], "a sphere that grows is exact at all times");
 }

@@ -5,7 +5,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use oocpt_materialx::library::{Library, with_documents};
+use oocpt_materialx::library::{NodeLibrary, with_documents};
 
 use crate::desc::{AssetRef, MaterialDesc, NodeDesc, ParamValue};
 
@@ -23,7 +23,7 @@ pub(super) fn of_node(node: &NodeDesc) -> Option<&AssetRef> {
 }
 
 /// The library with the definitions of one's own that nodes of a material name; `None` where they name none.
-pub(super) fn own(desc: &MaterialDesc, library: &Library) -> Option<Arc<Library>> {
+pub(super) fn own(desc: &MaterialDesc, library: &NodeLibrary) -> Option<Arc<NodeLibrary>> {
     let mut files: Vec<PathBuf> = Vec::new();
     for asset in desc.nodes.iter().filter_map(of_node) {
         let name = if asset.resolved.is_empty() { &asset.authored } else { &asset.resolved };

@@ -3,11 +3,12 @@
 
 use crate::array::TypedArray;
 use crate::desc::{
-    CurveBasis, CurveWrap, CurvesDesc, Interpolation, MeshDesc, NamedPrimvar, PointsSample, Primvar, Shape, Subdivision,
+    CurveBasis, CurveWrap, CurvesDesc, Interpolation, MeshDesc, NamedPrimvar, PointsSample, PrimShape, Primvar,
+    Subdivision,
 };
 use crate::material::Cutout;
-use crate::mesh::build::{Cuts, build_mesh_into};
-use crate::mesh::{Cover, Demand, Dicing, Footprint, WantedPrimvar};
+use crate::mesh::build::{ClusterLimits, build_mesh_into};
+use crate::mesh::{BuildDemand, BuildFootprint, CutoutCover, DicingRate, WantedPrimvar};
 use std::process::Command;
 use std::sync::Arc;
 
@@ -68,7 +69,7 @@ fn grid(side: u16) -> MeshDesc {
     }
 }
 
-fn primvar<T: crate::array::Element + std::fmt::Debug>(interpolation: Interpolation, values: Vec<T>) -> Primvar {
+fn primvar<T: crate::array::ArrayElement + std::fmt::Debug>(interpolation: Interpolation, values: Vec<T>) -> Primvar {
     Primvar { interpolation, values: TypedArray::of(values), indices: None }
 }
 
@@ -122,7 +123,7 @@ fn surface(side: u16, refine_level: u8) -> MeshDesc {
 fn points() -> MeshDesc {
     let widths = Some(primvar(Interpolation::Constant, vec![0.5_f32]));
     let none = || TypedArray::of(Vec::<i32>::new());
-    MeshDesc { shape: Shape::Points, widths, face_vertex_counts: none(), face_vertex_indices: none(), ..grid(700) }
+    MeshDesc { shape: PrimShape::Points, widths, face_vertex_counts: none(), face_vertex_indices: none(), ..grid(700) }
 }
 
 fn curves(basis: CurveBasis) -> MeshDesc {
@@ -130,7 +131,7 @@ fn curves(basis: CurveBasis) -> MeshDesc {
     let count = desc.points.len() / 8 / 20;
     let counts = TypedArray::of(vec![20_i32; count]);
     let wrap = CurveWrap::Nonperiodic;
-    MeshDesc { shape: Shape::Curves(CurvesDesc { basis, wrap, counts, indices: None }), ..desc }
+    MeshDesc { shape: PrimShape::Curves(CurvesDesc { basis, wrap, counts, indices: None }), ..desc }
 }
 
 /// A number of `/proc/self/status`, bytes.
@@ -144,16 +145,17 @@ fn status(key: &str) -> u64 {
 fn child(case: &Case) {
     let desc = (case.desc)();
     let wanted = [WantedPrimvar { name: "st".into(), id: 7 }];
-    let dicing = Dicing::default();
+    let dicing = DicingRate::default();
     let cutout = Arc::new(Cutout::Primvar { name: "st".into(), threshold: 0.1 });
-    let covers = [Some(Cover { cutout, image: None }).filter(|_| case.is_cut)];
-    let demand = Demand { wanted: &wanted, dicing: Some(&dicing), covers: &covers, ..Demand::default() };
+    let covers = [Some(CutoutCover { cutout, image: None }).filter(|_| case.is_cut)];
+    let demand = BuildDemand { wanted: &wanted, dicing: Some(&dicing), covers: &covers, ..BuildDemand::default() };
     let cluster_bytes = 8 << 20;
-    let (at_once, foretold) = Footprint::of(&desc, &demand, case.limit, cluster_bytes).within(u64::MAX, case.at_once);
+    let (at_once, foretold) =
+        BuildFootprint::of(&desc, &demand, case.limit, cluster_bytes).within(u64::MAX, case.at_once);
     // The most that was held begins anew.
     std::fs::write("/proc/self/clear_refs", "5").expect("written");
     let before = status("VmRSS:");
-    let cuts = Cuts { limit_bytes: case.limit, cluster_bytes, at_once };
+    let cuts = ClusterLimits { limit_bytes: case.limit, cluster_bytes, at_once };
     let mut clusters = 0;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(4).build().expect("threads");
     let built = pool.install(|| build_mesh_into(&desc, &demand, 1, cuts, &mut |_| clusters += 1));
@@ -194,7 +196,7 @@ fn building_takes_no_more_than_was_foretold() {
 #[test]
 fn hostile_sizes_do_not_overflow() {
     let counts = [i32::MAX, -1, 4, 0, i32::MIN, 1];
-    let desc = |shape: Shape| MeshDesc {
+    let desc = |shape: PrimShape| MeshDesc {
         shape,
         subdivision: Subdivision::CatmullClark,
         refine_level: u8::MAX,
@@ -205,15 +207,15 @@ fn hostile_sizes_do_not_overflow() {
     };
     let curves = |basis| {
         let counts = TypedArray::of(counts.to_vec());
-        Shape::Curves(CurvesDesc { basis, wrap: CurveWrap::Periodic, counts, indices: None })
+        PrimShape::Curves(CurvesDesc { basis, wrap: CurveWrap::Periodic, counts, indices: None })
     };
-    let near = Dicing { pixels: 1e-30, density: f64::MAX, ..Dicing::default() };
-    let shapes = [Shape::Mesh, Shape::Points, curves(CurveBasis::Linear), curves(CurveBasis::CatmullRom)];
+    let near = DicingRate { pixels: 1e-30, density: f64::MAX, ..DicingRate::default() };
+    let shapes = [PrimShape::Mesh, PrimShape::Points, curves(CurveBasis::Linear), curves(CurveBasis::CatmullRom)];
     for desc in shapes.map(desc) {
         for dicing in [None, Some(&near)] {
             for (limit, cluster) in [(0, 0), (1, 1), (u64::MAX, u64::MAX)] {
-                let demand = Demand { dicing, ..Demand::default() };
-                let footprint = Footprint::of(&desc, &demand, limit, cluster);
+                let demand = BuildDemand { dicing, ..BuildDemand::default() };
+                let footprint = BuildFootprint::of(&desc, &demand, limit, cluster);
                 assert!(footprint.least() < 1 << 40, "a few points: {footprint:?}");
                 assert!(footprint.within(0, usize::MAX).0 == 1, "at least one");
             }

@@ -13,18 +13,18 @@ pub(super) mod round;
 mod toy_box;
 mod triangle;
 
-use oocpt_abi::Leaf;
+use oocpt_abi::LeafType;
 use serde::{Deserialize, Serialize};
 
-use super::deform::Pose;
-use super::dicing::Dicing;
-use super::topology::{MAX_COORDINATE, Topology};
+use super::deform::PointsPose;
+use super::dicing::DicingRate;
+use super::topology::{MAX_COORDINATE, MeshTopology};
 use super::{Aabb, WantedPrimvar};
 use crate::array::ArrayView;
-use crate::desc::{DroppedData, MeshDesc, Shape};
+use crate::desc::{DroppedData, MeshDesc, PrimShape};
 
 /// Of an item: what they mean is the kind's.
-type Vertices = [[f32; 3]; 3];
+type ItemVertices = [[f32; 3]; 3];
 
 macro_rules! leaf_kinds {
     ($(
@@ -44,21 +44,21 @@ macro_rules! leaf_kinds {
 
             /// Its row in the table of the shaders.
             #[must_use]
-            pub fn row(self) -> Leaf {
+            pub fn row(self) -> LeafType {
                 match self {
-                    $($(#[cfg($only)])? Self::$kind => Leaf::$row,)+
+                    $($(#[cfg($only)])? Self::$kind => LeafType::$row,)+
                 }
             }
 
             /// The box around an item.
-            pub(super) fn bounds(self, vertices: &Vertices) -> Aabb {
+            pub(super) fn bounds(self, vertices: &ItemVertices) -> Aabb {
                 match self {
                     $($(#[cfg($only)])? Self::$kind => $module::bounds(vertices),)+
                 }
             }
 
             /// The item with these points, and radii where points have some, at its corners.
-            pub(super) fn vertices(self, points: Vertices, radii: [f32; 3]) -> Vertices {
+            pub(super) fn vertices(self, points: ItemVertices, radii: [f32; 3]) -> ItemVertices {
                 match self {
                     $($(#[cfg($only)])? Self::$kind => $module::vertices(points, radii),)+
                 }
@@ -82,9 +82,9 @@ leaf_kinds! {
 }
 
 /// A shape that is not made of polygons, ready to be items of an asset.
-pub(super) struct Items {
+pub(super) struct LeafItems {
     /// A face of three corners for each item.
-    pub(super) topology: Topology,
+    pub(super) topology: MeshTopology,
     /// The description with values for these.
     pub(super) desc: MeshDesc,
     /// What they are.
@@ -92,23 +92,23 @@ pub(super) struct Items {
     /// Radius at each of the topology's points; empty where they have none.
     pub(super) radii: Vec<f32>,
     /// At the keys of what moves.
-    pub(super) poses: Vec<Pose>,
+    pub(super) poses: Vec<PointsPose>,
 }
 
 /// The items of `desc`; `None` for a mesh.
 pub(super) fn read_items(
     desc: &MeshDesc,
     wanted: &[WantedPrimvar],
-    dicing: &Dicing,
-    poses: &[Pose],
+    dicing: &DicingRate,
+    poses: &[PointsPose],
     dropped: &mut DroppedData,
-) -> Option<Items> {
+) -> Option<LeafItems> {
     match &desc.shape {
-        Shape::Mesh => None,
-        Shape::Curves(curves) => Some(round::read_curves(desc, curves, wanted, dicing, poses, dropped)),
-        Shape::Points => Some(round::read_points(desc, dicing, poses, dropped)),
+        PrimShape::Mesh => None,
+        PrimShape::Curves(curves) => Some(round::read_curves(desc, curves, wanted, dicing, poses, dropped)),
+        PrimShape::Points => Some(round::read_points(desc, dicing, poses, dropped)),
         #[cfg(feature = "faults")]
-        Shape::ToyBoxes => Some(toy_box::read(desc, poses, dropped)),
+        PrimShape::ToyBoxes => Some(toy_box::read(desc, poses, dropped)),
     }
 }
 

@@ -2,24 +2,24 @@
 //! The kind of leaf that `rust/book/src/extending.md` adds, for tests alone: boxes along the axes, each between two
 //! points that follow each other. Pure.
 
-use super::{Items, LeafKind, Vertices, point};
+use super::{ItemVertices, LeafItems, LeafKind, point};
 use crate::desc::{DroppedData, MeshDesc};
 use crate::mesh::Aabb;
-use crate::mesh::deform::Pose;
-use crate::mesh::topology::{Face, MAX_CORNERS, Topology};
+use crate::mesh::deform::PointsPose;
+use crate::mesh::topology::{MAX_CORNERS, MeshFace, MeshTopology};
 
-pub(super) fn bounds(&[first, second, _]: &Vertices) -> Aabb {
+pub(super) fn bounds(&[first, second, _]: &ItemVertices) -> Aabb {
     Aabb::EMPTY.with_point(first).with_point(second)
 }
 
-pub(super) fn vertices([first, second, _]: Vertices, _radii: [f32; 3]) -> Vertices {
+pub(super) fn vertices([first, second, _]: ItemVertices, _radii: [f32; 3]) -> ItemVertices {
     [first, second, [0.0; 3]]
 }
 
 /// Boxes with an extent along each axis; the others count as points that cannot be used.
-pub(super) fn read(desc: &MeshDesc, poses: &[Pose], dropped: &mut DroppedData) -> Items {
+pub(super) fn read(desc: &MeshDesc, poses: &[PointsPose], dropped: &mut DroppedData) -> LeafItems {
     let view = desc.points.view();
-    let mut topology = Topology { face_count: view.len() / 2, ..Topology::default() };
+    let mut topology = MeshTopology { face_count: view.len() / 2, ..MeshTopology::default() };
     let is_usable = view.is_empty() || view.vec3(0).is_some();
     dropped.wrong_array_types += u64::from(!is_usable);
     dropped.oversized_meshes += u64::from(view.len() > MAX_CORNERS / 4);
@@ -34,10 +34,10 @@ pub(super) fn read(desc: &MeshDesc, poses: &[Pose], dropped: &mut DroppedData) -
                 continue;
             }
             let first = u32::try_from(topology.corners.len()).unwrap_or(u32::MAX);
-            topology.faces.push(Face { index, first, count: 3, is_hole: false });
+            topology.faces.push(MeshFace { index, first, count: 3, is_hole: false });
             topology.corners.extend([2 * index, 2 * index + 1, 2 * index]);
         }
     }
     let desc = MeshDesc { normals: None, ..desc.clone() };
-    Items { topology, desc, kind: LeafKind::ToyBoxes, radii: Vec::new(), poses: poses.to_vec() }
+    LeafItems { topology, desc, kind: LeafKind::ToyBoxes, radii: Vec::new(), poses: poses.to_vec() }
 }

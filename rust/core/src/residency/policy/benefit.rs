@@ -11,11 +11,11 @@
 //! flight, 0.39 s with many.)
 
 use super::super::UnitId;
-use super::{Policy, View, top};
+use super::{LoadPolicy, PolicyView, top};
 
 /// Most rays per byte first.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Benefit;
+pub struct BenefitPolicy;
 
 /// What a ray counts for a unit further down its list.
 const NEXT_WEIGHT: f64 = 0.125;
@@ -41,13 +41,13 @@ fn cost(bytes: u64) -> f64 {
     bytes as f64 + LOAD_BYTES
 }
 
-fn rays(view: &View<'_>, unit: UnitId) -> f64 {
+fn rays(view: &PolicyView<'_>, unit: UnitId) -> f64 {
     let rays = f64::from(view.waiting(unit)) + NEXT_WEIGHT * f64::from(view.next(unit));
     rays * (1.0 + f64::from(view.waited_steps(unit)) / AGE_STEPS)
 }
 
-impl Policy for Benefit {
-    fn order(&mut self, view: &View<'_>, demanded: &[UnitId], limit: usize) -> Vec<(f64, UnitId)> {
+impl LoadPolicy for BenefitPolicy {
+    fn order(&mut self, view: &PolicyView<'_>, demanded: &[UnitId], limit: usize) -> Vec<(f64, UnitId)> {
         let whole = |&unit: &UnitId| (rays(view, unit) / cost(view.catalog().closure_bytes(unit)), unit);
         let likely = top(demanded.iter().map(whole).collect(), LOOKED_AT.max(limit));
         let exact = likely.into_iter().filter_map(|(_, unit)| {
@@ -61,7 +61,7 @@ impl Policy for Benefit {
         best
     }
 
-    fn loss(&self, view: &View<'_>, unit: UnitId) -> f64 {
+    fn loss(&self, view: &PolicyView<'_>, unit: UnitId) -> f64 {
         let heat = if view.is_idle() { IDLE_HEAT * view.heat(unit) } else { view.heat(unit) };
         (heat + f64::from(view.waiting(unit))) / cost(view.exclusive_bytes(unit))
     }
@@ -70,7 +70,7 @@ impl Policy for Benefit {
         value > HYSTERESIS * loss
     }
 
-    fn visited(&self, view: &View<'_>, unit: UnitId) -> Option<f64> {
+    fn visited(&self, view: &PolicyView<'_>, unit: UnitId) -> Option<f64> {
         Some(view.heat(unit) / cost(view.missing_bytes(unit)?))
     }
 
@@ -78,7 +78,7 @@ impl Policy for Benefit {
         1.0 / VISIT_BYTES
     }
 
-    fn prefetch(&self, view: &View<'_>, unit: UnitId) -> Option<f64> {
+    fn prefetch(&self, view: &PolicyView<'_>, unit: UnitId) -> Option<f64> {
         let missing = view.missing_bytes(unit)?;
         Some(NEXT_WEIGHT * f64::from(view.next(unit)) / cost(missing))
     }

@@ -8,33 +8,33 @@ mod priority;
 mod sweep;
 mod view;
 
-pub use benefit::Benefit;
-pub use priority::Priority;
-pub use sweep::Sweep;
-pub use view::View;
+pub use benefit::BenefitPolicy;
+pub use priority::PriorityPolicy;
+pub use sweep::SweepPolicy;
+pub use view::PolicyView;
 
 use super::UnitId;
 use serde::{Deserialize, Serialize};
 
 /// Orders units. Values are finite and compared only with values of the same policy.
-pub trait Policy: std::fmt::Debug + Send {
+pub trait LoadPolicy: std::fmt::Debug + Send {
     /// The absent units worth a load now, best first, each with its value; `demanded` are those with waiting rays that
     /// may be loaded. At most `limit`.
-    fn order(&mut self, view: &View<'_>, demanded: &[UnitId], limit: usize) -> Vec<(f64, UnitId)>;
+    fn order(&mut self, view: &PolicyView<'_>, demanded: &[UnitId], limit: usize) -> Vec<(f64, UnitId)>;
 
     /// What is lost by evicting a resident unit; the least goes first.
-    fn loss(&self, view: &View<'_>, unit: UnitId) -> f64;
+    fn loss(&self, view: &PolicyView<'_>, unit: UnitId) -> f64;
 
     /// May a load of this value displace a unit of this loss? A margin here is what keeps equals from swapping.
     fn displaces(&self, value: f64, loss: f64) -> bool;
 
     /// The value of a load ahead of demand, `None` if this policy makes none.
-    fn prefetch(&self, _view: &View<'_>, _unit: UnitId) -> Option<f64> {
+    fn prefetch(&self, _view: &PolicyView<'_>, _unit: UnitId) -> Option<f64> {
         None
     }
 
     /// The value of loading a unit that rays read in host memory; `None` if this policy does not bring such.
-    fn visited(&self, _view: &View<'_>, _unit: UnitId) -> Option<f64> {
+    fn visited(&self, _view: &PolicyView<'_>, _unit: UnitId) -> Option<f64> {
         None
     }
 
@@ -79,11 +79,11 @@ impl PolicyKind {
     }
 
     /// A policy of this kind in its first state.
-    pub fn policy(self) -> Box<dyn Policy> {
+    pub fn policy(self) -> Box<dyn LoadPolicy> {
         match self {
-            Self::Sweep => Box::new(Sweep::default()),
-            Self::Priority => Box::new(Priority),
-            Self::Benefit => Box::new(Benefit),
+            Self::Sweep => Box::new(SweepPolicy::default()),
+            Self::Priority => Box::new(PriorityPolicy),
+            Self::Benefit => Box::new(BenefitPolicy),
         }
     }
 }

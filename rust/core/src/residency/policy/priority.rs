@@ -7,25 +7,25 @@
 //! taken among absent units. Equal losses: the least recently used goes.
 
 use super::super::UnitId;
-use super::{Policy, View, top};
+use super::{LoadPolicy, PolicyView, top};
 
 /// Most waiting rays first.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Priority;
+pub struct PriorityPolicy;
 
 /// A resident unit's rays count this many times.
 const RESIDENT_FACTOR: f64 = 256.0;
 /// Loads stop at this fraction of the best value.
 const DROP: f64 = 0.1;
 
-impl Policy for Priority {
-    fn order(&mut self, view: &View<'_>, demanded: &[UnitId], limit: usize) -> Vec<(f64, UnitId)> {
+impl LoadPolicy for PriorityPolicy {
+    fn order(&mut self, view: &PolicyView<'_>, demanded: &[UnitId], limit: usize) -> Vec<(f64, UnitId)> {
         let best = f64::from(demanded.iter().map(|&unit| view.waiting(unit)).max().unwrap_or(0));
         let values = demanded.iter().map(|&unit| (f64::from(view.waiting(unit)), unit));
         top(values.filter(|&(value, _)| value >= best * DROP).collect(), limit)
     }
 
-    fn loss(&self, view: &View<'_>, unit: UnitId) -> f64 {
+    fn loss(&self, view: &PolicyView<'_>, unit: UnitId) -> f64 {
         let rays = f64::from(view.waiting(unit)) + f64::from(view.visits(unit));
         RESIDENT_FACTOR * rays - f64::from(view.idle_steps(unit)) / 4_294_967_296.0
     }

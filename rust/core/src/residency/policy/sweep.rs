@@ -4,11 +4,11 @@
 //! comes next to it: by its own turn it might come only when the unit has gone again.
 
 use super::super::UnitId;
-use super::{Policy, View};
+use super::{LoadPolicy, PolicyView};
 
 /// Round robin.
 #[derive(Clone, Debug, Default)]
-pub struct Sweep {
+pub struct SweepPolicy {
     /// The unit after the one loaded last by its turn.
     cursor: UnitId,
     /// What rays need with that unit.
@@ -17,8 +17,8 @@ pub struct Sweep {
     partners: Vec<(UnitId, Option<UnitId>)>,
 }
 
-impl Policy for Sweep {
-    fn order(&mut self, view: &View<'_>, demanded: &[UnitId], limit: usize) -> Vec<(f64, UnitId)> {
+impl LoadPolicy for SweepPolicy {
+    fn order(&mut self, view: &PolicyView<'_>, demanded: &[UnitId], limit: usize) -> Vec<(f64, UnitId)> {
         let next = self.next;
         let place = |unit: UnitId| if Some(unit) == next { 0 } else { unit.wrapping_sub(self.cursor).max(1) };
         let mut ids: Vec<(UnitId, UnitId)> = demanded.iter().map(|&unit| (place(unit), unit)).collect();
@@ -31,7 +31,7 @@ impl Policy for Sweep {
         ids.into_iter().map(|(distance, unit)| (-f64::from(distance), unit)).collect()
     }
 
-    fn loss(&self, view: &View<'_>, unit: UnitId) -> f64 {
+    fn loss(&self, view: &PolicyView<'_>, unit: UnitId) -> f64 {
         -f64::from(view.resident_steps(unit))
     }
 

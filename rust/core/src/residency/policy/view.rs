@@ -1,23 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
 //! What a policy may look at during a step.
 
-use super::super::entry::Entry;
-use super::super::holdings::Holdings;
-use super::super::{Catalog, Demand, UnitId, at};
+use super::super::entry::UnitEntry;
+use super::super::holdings::AssetHoldings;
+use super::super::{RayDemand, UnitCatalog, UnitId, at};
 
 /// The planner's state as a policy sees it. Ids are valid units.
 #[derive(Debug)]
-pub struct View<'a> {
-    pub(in super::super) catalog: &'a Catalog,
-    pub(in super::super) demand: Demand<'a>,
-    pub(in super::super) entries: &'a [Entry],
-    pub(in super::super) holdings: &'a Holdings,
+pub struct PolicyView<'a> {
+    pub(in super::super) catalog: &'a UnitCatalog,
+    pub(in super::super) demand: RayDemand<'a>,
+    pub(in super::super) entries: &'a [UnitEntry],
+    pub(in super::super) holdings: &'a AssetHoldings,
     pub(in super::super) step: u32,
 }
 
-impl View<'_> {
+impl PolicyView<'_> {
     /// The catalog.
-    pub fn catalog(&self) -> &Catalog {
+    pub fn catalog(&self) -> &UnitCatalog {
         self.catalog
     }
 

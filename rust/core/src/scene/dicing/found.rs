@@ -10,8 +10,8 @@
 use glam::{DAffine3, DVec3};
 
 use super::camera::Density;
-use super::{Ball, DicingCamera, stretch};
-use crate::mesh::{Dicing, Eye};
+use super::{BoundingSphere, DicingCamera, stretch};
+use crate::mesh::{CameraEye, DicingRate};
 
 /// Places of the camera that are kept for a surface; what more there are count by their density.
 const MOST_EYES: usize = 8;
@@ -35,7 +35,7 @@ const GRID: f64 = 8.0;
 struct NearSurface {
     /// The camera's distance from the middle.
     distance: f64,
-    eye: Eye,
+    eye: CameraEye,
     /// No part that counts is nearer to the camera.
     gap: f64,
     /// Pixels of a unit of length, for the surface as a whole.
@@ -45,20 +45,20 @@ struct NearSurface {
 
 /// How the placements of one surface are seen, in its own frame.
 #[derive(Debug, Default)]
-pub(super) struct Found {
+pub(super) struct SurfaceDensity {
     density: Density,
     /// Nearest first. In a live view those that are out of the picture too.
     near: Vec<NearSurface>,
 }
 
-impl Found {
+impl SurfaceDensity {
     /// It covers so many pixels a unit, at least.
     pub(super) fn cover(&mut self, density: Density) {
         self.density = self.density.max(density);
     }
 
     /// A placement: `ball` in the world, `radius` in its own frame.
-    pub(super) fn see(&mut self, camera: &DicingCamera, ball: &Ball, radius: f64, map: &DAffine3) {
+    pub(super) fn see(&mut self, camera: &DicingCamera, ball: &BoundingSphere, radius: f64, map: &DAffine3) {
         let density =
             camera.density_in(ball.center, ball.radius, ball.distance(camera.position)).stretched(stretch(map));
         let inverse = map.inverse();
@@ -73,7 +73,7 @@ impl Found {
         let gap = f64::max(distance - radius, nearest);
         let step = if camera.is_live { 0.0 } else { power_below(f64::max((distance - radius) / 4.0, nearest)) };
         let position = snapped(inverse.transform_point3(camera.position), step);
-        self.near.push(NearSurface { distance, eye: Eye { position, nearest }, gap, density, is_in_picture });
+        self.near.push(NearSurface { distance, eye: CameraEye { position, nearest }, gap, density, is_in_picture });
         self.forget();
     }
 
@@ -93,23 +93,23 @@ impl Found {
     }
 
     /// How finely the surface is cut.
-    pub(super) fn dicing(&self, camera: &DicingCamera) -> Dicing {
+    pub(super) fn dicing(&self, camera: &DicingCamera) -> DicingRate {
         let eyes = self.near.iter().map(|near| near.eye).collect();
-        Dicing { pixels: camera.pixels, density: half_power_above(self.density.needed), focal: camera.focal, eyes }
+        DicingRate { pixels: camera.pixels, density: half_power_above(self.density.needed), focal: camera.focal, eyes }
     }
 
     /// How finely the surface is cut in a live view, where it was cut as `kept`.
-    pub(super) fn live_dicing(&self, camera: &DicingCamera, kept: Option<&Dicing>) -> Dicing {
-        let is_kept = |kept: &&Dicing| {
+    pub(super) fn live_dicing(&self, camera: &DicingCamera, kept: Option<&DicingRate>) -> DicingRate {
+        let is_kept = |kept: &&DicingRate| {
             kept.pixels == camera.pixels && self.is_served(camera, kept) && !self.is_wasted(camera, kept)
         };
         kept.filter(is_kept).cloned().unwrap_or_else(|| self.new_live_dicing(camera))
     }
 
     /// Whether it has what is needed everywhere.
-    fn is_served(&self, camera: &DicingCamera, kept: &Dicing) -> bool {
+    fn is_served(&self, camera: &DicingCamera, kept: &DicingRate) -> bool {
         let serves = |near: &NearSurface| {
-            let makes_up = |eye: &Eye| {
+            let makes_up = |eye: &CameraEye| {
                 let moved = eye.position.distance(near.eye.position);
                 let makes_up = COARSER_CLOSE * kept.focal >= camera.focal * (1.0 + moved / near.gap);
                 eye.nearest <= near.eye.nearest && kept.focal >= camera.focal && makes_up
@@ -122,9 +122,9 @@ impl Found {
     }
 
     /// Whether it is much finer than the view needs it, were all of it in the picture.
-    fn is_wasted(&self, camera: &DicingCamera, kept: &Dicing) -> bool {
+    fn is_wasted(&self, camera: &DicingCamera, kept: &DicingRate) -> bool {
         let closest = self.near.iter().map(|near| camera.focal / near.gap).fold(0.0, f64::max);
-        let is_of_use = |eye: &Eye| {
+        let is_of_use = |eye: &CameraEye| {
             let is_close = |near: &NearSurface| eye.position.distance(near.eye.position) <= MOST_GAPS * near.gap;
             self.near.iter().any(is_close)
         };
@@ -133,14 +133,14 @@ impl Found {
             || !kept.eyes.iter().all(is_of_use)
     }
 
-    fn new_live_dicing(&self, camera: &DicingCamera) -> Dicing {
+    fn new_live_dicing(&self, camera: &DicingCamera) -> DicingRate {
         let (seen, unseen): (Vec<&NearSurface>, Vec<&NearSurface>) =
             self.near.iter().partition(|near| near.is_in_picture);
         let density = unseen.iter().map(|near| near.density.needed).fold(self.density.needed, f64::max);
-        let mut eyes: Vec<Eye> = Vec::new();
+        let mut eyes: Vec<CameraEye> = Vec::new();
         for near in &seen {
             let position = snapped(near.eye.position, power_below(near.gap / GRID));
-            let eye = Eye { position, ..near.eye };
+            let eye = CameraEye { position, ..near.eye };
             if !eyes.contains(&eye) {
                 eyes.push(eye);
             }
@@ -149,7 +149,7 @@ impl Found {
             a.position.to_array().partial_cmp(&b.position.to_array()).unwrap_or(std::cmp::Ordering::Equal)
         });
         let focal = if eyes.is_empty() { 0.0 } else { power_above(ROOM * camera.focal) };
-        Dicing { pixels: camera.pixels, density: power_above(density), focal, eyes }
+        DicingRate { pixels: camera.pixels, density: power_above(density), focal, eyes }
     }
 }
 

@@ -18,15 +18,15 @@ use rustc_hash::{FxHashMap, FxHashSet};
 
 use camera::Density;
 pub use camera::DicingCamera;
-use found::Found;
+use found::SurfaceDensity;
 
 use super::entries::{InstancerEntry, MeshEntry};
-use super::resolve::{Hierarchy, MAX_NESTING, Prims};
+use super::resolve::{MAX_NESTING, PrimHierarchy, ScenePrims};
 use crate::array::ElementType;
 use crate::desc::{InstancedBy, InstancerPrototype};
 use crate::instancing::GroupId;
-use crate::instancing::placement::{Placer, usable_affine};
-use crate::mesh::{Aabb, Demand, Dicing, mesh_key_with};
+use crate::instancing::placement::{InstancePlacer, usable_affine};
+use crate::mesh::{Aabb, BuildDemand, DicingRate, mesh_key_with};
 
 /// Near placements of a prototype that are gone into, from one place.
 const MOST_NEAR: usize = 8;
@@ -37,18 +37,18 @@ const NEAREST: f64 = 0.05;
 
 /// How finely each of the `reachable` subdivision surfaces is cut, by path.
 pub(crate) fn dice(
-    prims: Prims<'_>,
-    hierarchy: &Hierarchy,
+    prims: ScenePrims<'_>,
+    hierarchy: &PrimHierarchy,
     reachable: &FxHashSet<Arc<str>>,
     camera: &DicingCamera,
-) -> FxHashMap<Arc<str>, Dicing> {
-    let rate = Dicing { pixels: camera.pixels, ..Dicing::default() };
-    let is_wanted = |entry: &MeshEntry| Demand { dicing: Some(&rate), ..entry.demand() }.refines(&entry.desc);
+) -> FxHashMap<Arc<str>, DicingRate> {
+    let rate = DicingRate { pixels: camera.pixels, ..DicingRate::default() };
+    let is_wanted = |entry: &MeshEntry| BuildDemand { dicing: Some(&rate), ..entry.demand() }.refines(&entry.desc);
     let refined: Vec<(&Arc<str>, &MeshEntry)> =
         prims.meshes.iter().filter(|(path, entry)| reachable.contains(*path) && is_wanted(entry)).collect();
-    let bounds: FxHashMap<Arc<str>, Ball> =
-        refined.par_iter().map(|(path, entry)| ((*path).clone(), Outline::of(entry).ball)).collect();
-    let mut walk = Walk {
+    let bounds: FxHashMap<Arc<str>, BoundingSphere> =
+        refined.par_iter().map(|(path, entry)| ((*path).clone(), MeshOutline::of(entry).ball)).collect();
+    let mut walk = DicingTraversal {
         prims,
         hierarchy,
         camera,
@@ -70,18 +70,18 @@ pub(crate) fn dice(
 
 /// What does not change with the camera.
 #[derive(Debug)]
-pub(crate) struct Outline {
-    ball: Ball,
+pub(crate) struct MeshOutline {
+    ball: BoundingSphere,
     /// Hash of all that the mesh is built from but the dicing.
     content: u128,
 }
 
-impl Outline {
+impl MeshOutline {
     fn of(entry: &MeshEntry) -> &Self {
         entry.outline.get_or_init(|| {
-            let plain = Dicing { pixels: 1.0, ..Dicing::default() };
-            let content = mesh_key_with(&entry.desc, &Demand { dicing: Some(&plain), ..entry.demand() });
-            Self { ball: Ball::of(&points_box(entry)), content }
+            let plain = DicingRate { pixels: 1.0, ..DicingRate::default() };
+            let content = mesh_key_with(&entry.desc, &BuildDemand { dicing: Some(&plain), ..entry.demand() });
+            Self { ball: BoundingSphere::of(&points_box(entry)), content }
         })
     }
 }
@@ -89,22 +89,22 @@ impl Outline {
 /// Prims with the same content are cut alike, so that they stay one mesh.
 fn share(
     refined: &[(&Arc<str>, &MeshEntry)],
-    mut found: FxHashMap<Arc<str>, Found>,
+    mut found: FxHashMap<Arc<str>, SurfaceDensity>,
     camera: &DicingCamera,
-) -> FxHashMap<Arc<str>, Dicing> {
-    let mut shared: FxHashMap<u128, Found> = FxHashMap::default();
+) -> FxHashMap<Arc<str>, DicingRate> {
+    let mut shared: FxHashMap<u128, SurfaceDensity> = FxHashMap::default();
     for (path, entry) in refined {
-        let of_content = shared.entry(Outline::of(entry).content).or_default();
+        let of_content = shared.entry(MeshOutline::of(entry).content).or_default();
         of_content.add(found.remove(*path).unwrap_or_default());
     }
     // What there is of a content is the same for all prims that have been cut.
-    let kept: FxHashMap<u128, &Dicing> = refined
+    let kept: FxHashMap<u128, &DicingRate> = refined
         .iter()
         .filter(|(_, entry)| entry.dicing.pixels > 0.0)
-        .map(|(_, entry)| (Outline::of(entry).content, &entry.dicing))
+        .map(|(_, entry)| (MeshOutline::of(entry).content, &entry.dicing))
         .collect();
     let dicing = |entry: &MeshEntry| {
-        let content = Outline::of(entry).content;
+        let content = MeshOutline::of(entry).content;
         let found = shared.get(&content)?;
         let kept = kept.get(&content).copied().filter(|_| camera.is_live);
         Some(if camera.is_live { found.live_dicing(camera, kept) } else { found.dicing(camera) })
@@ -122,12 +122,12 @@ fn points_box(entry: &MeshEntry) -> Aabb {
 
 /// A ball around a box.
 #[derive(Clone, Copy, Debug)]
-struct Ball {
+struct BoundingSphere {
     center: DVec3,
     radius: f64,
 }
 
-impl Ball {
+impl BoundingSphere {
     fn of(bounds: &Aabb) -> Self {
         if bounds.is_empty() {
             return Self { center: DVec3::ZERO, radius: 0.0 };
@@ -159,15 +159,15 @@ fn stretch(map: &DAffine3) -> f64 {
     if shear <= 1e-6 * longest * longest { longest } else { (longest * longest + shear).sqrt() }
 }
 
-struct Walk<'a> {
-    prims: Prims<'a>,
-    hierarchy: &'a Hierarchy,
+struct DicingTraversal<'a> {
+    prims: ScenePrims<'a>,
+    hierarchy: &'a PrimHierarchy,
     camera: &'a DicingCamera,
     /// The surfaces that are cut, in their own frames.
-    bounds: &'a FxHashMap<Arc<str>, Ball>,
+    bounds: &'a FxHashMap<Arc<str>, BoundingSphere>,
     /// Boxes of what is cut in each prototype, in its own frame; empty where nothing is.
     boxes: FxHashMap<GroupId, Aabb>,
-    found: FxHashMap<Arc<str>, Found>,
+    found: FxHashMap<Arc<str>, SurfaceDensity>,
     /// Pixels of a unit of length in a prototype's frame, for those of its placements that are not gone into.
     far: FxHashMap<GroupId, Density>,
     visits: usize,
@@ -179,7 +179,7 @@ struct NearPlacement {
     map: DAffine3,
 }
 
-impl<'a> Walk<'a> {
+impl<'a> DicingTraversal<'a> {
     fn instancers(&self, group: &GroupId) -> Vec<(&'a InstancerEntry, DAffine3)> {
         let content = self.hierarchy.content(group);
         let usable = |path: &Arc<str>| {
@@ -190,7 +190,7 @@ impl<'a> Walk<'a> {
     }
 
     /// The surfaces of a group, with their places in it.
-    fn surfaces(&self, group: &GroupId) -> Vec<(&'a Arc<str>, Ball, DAffine3)> {
+    fn surfaces(&self, group: &GroupId) -> Vec<(&'a Arc<str>, BoundingSphere, DAffine3)> {
         let content = self.hierarchy.content(group);
         let surface = |path: &'a Arc<str>| {
             let transform = &self.prims.meshes.get(path)?.desc.prim.transform;
@@ -219,7 +219,7 @@ impl<'a> Walk<'a> {
                 near.sort_by(|a, b| a.distance.total_cmp(&b.distance));
                 let room = MOST_NEAR.min(MOST_VISITS - self.visits.min(MOST_VISITS));
                 let rest = near.split_off(room.min(near.len()));
-                let ball = Ball::of(&bounds);
+                let ball = BoundingSphere::of(&bounds);
                 let rest = rest.iter().map(|near| self.density(&ball, &near.map)).fold(far, Density::max);
                 let known = self.far.entry(id.clone()).or_default();
                 *known = known.max(rest);
@@ -232,7 +232,7 @@ impl<'a> Walk<'a> {
     }
 
     /// Pixels of a unit of a prototype's frame.
-    fn density(&self, ball: &Ball, map: &DAffine3) -> Density {
+    fn density(&self, ball: &BoundingSphere, map: &DAffine3) -> Density {
         let placed = ball.placed(map);
         let distance = placed.distance(self.camera.position);
         self.camera.density_in(placed.center, placed.radius, distance).stretched(stretch(map))
@@ -246,7 +246,7 @@ impl<'a> Walk<'a> {
         bounds: &Aabb,
         before: DAffine3,
     ) -> (Vec<NearPlacement>, Density) {
-        let ball = Ball::of(bounds);
+        let ball = BoundingSphere::of(bounds);
         let nothing = || (Vec::new(), Density::default());
         let look = |(mut near, far): (Vec<NearPlacement>, Density), map: DAffine3| {
             let placed = ball.placed(&map);
@@ -279,7 +279,7 @@ impl<'a> Walk<'a> {
             for (entry, before) in self.instancers(id) {
                 for prototype in &entry.desc.prototypes {
                     let inner = self.box_of(&id_of(entry, prototype), depth + 1);
-                    let ball = Ball::of(&inner);
+                    let ball = BoundingSphere::of(&inner);
                     let placed = maps(entry, prototype, &inner, before).map(|map| placed_box(&ball.placed(&map)));
                     bounds = bounds.union(&placed.reduce(|| Aabb::EMPTY, |a, b| a.union(&b)));
                 }
@@ -314,7 +314,7 @@ fn id_of(entry: &InstancerEntry, prototype: &InstancerPrototype) -> GroupId {
     GroupId::Prototype(InstancedBy { instancer, prototype_root })
 }
 
-fn placed_box(ball: &Ball) -> Aabb {
+fn placed_box(ball: &BoundingSphere) -> Aabb {
     let corner = |sign: f64| (ball.center + DVec3::splat(sign * ball.radius)).as_vec3().to_array();
     Aabb { min: corner(-1.0), max: corner(1.0) }
 }
@@ -328,7 +328,7 @@ fn maps<'a>(
 ) -> impl ParallelIterator<Item = DAffine3> + 'a {
     let indices = prototype.indices.view();
     let is_usable = !bounds.is_empty() && indices.element() == ElementType::I32;
-    let placer = Placer::new(before, DAffine3::IDENTITY, Some(&entry.arrays), bounds);
+    let placer = InstancePlacer::new(before, DAffine3::IDENTITY, Some(&entry.arrays), bounds);
     let mask = entry.arrays.mask.as_ref();
     let map = move |at: usize| {
         let number = usize::try_from(indices.index(at)?).ok()?;

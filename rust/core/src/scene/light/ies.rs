@@ -51,9 +51,9 @@ pub struct IesProfile {
     pub power: f64,
 }
 
-struct Numbers<'a>(Box<dyn Iterator<Item = &'a str> + 'a>);
+struct NumberTokens<'a>(Box<dyn Iterator<Item = &'a str> + 'a>);
 
-impl Numbers<'_> {
+impl NumberTokens<'_> {
     fn next(&mut self, what: &'static str) -> Result<f64, IesError> {
         let word = self.0.next().ok_or(IesError::Number(what))?;
         let value: f64 = word.parse().ok().filter(|v: &f64| v.is_finite()).ok_or(IesError::Number(what))?;
@@ -94,7 +94,7 @@ impl IesProfile {
         let text = String::from_utf8_lossy(bytes);
         let (tilt, rest) = after_tilt(&text).ok_or(IesError::NoTilt)?;
         let words = rest.split(|c: char| c.is_whitespace() || c == ',').filter(|word| !word.is_empty());
-        let mut numbers = Numbers(Box::new(words));
+        let mut numbers = NumberTokens(Box::new(words));
         match tilt {
             "NONE" => {}
             "INCLUDE" => {

@@ -15,7 +15,7 @@ use crate::array::ElementType;
 use crate::desc::{PrimDesc, TransformSample};
 use crate::instancing::array_motion::{thin_out, transform_motion};
 use crate::instancing::motion::{MAX_KEYS, map_at, motion_keys};
-use crate::instancing::placement::{Placer, usable_affine};
+use crate::instancing::placement::{InstancePlacer, usable_affine};
 use crate::mesh::Aabb;
 use crate::scene::entries::InstancerEntry;
 use crate::scene::resolve::MAX_NESTING;
@@ -45,7 +45,7 @@ pub(crate) fn placements(
 ) -> (Vec<PlacedLight>, bool) {
     let own = key_times(prim, instancers);
     let times = split(&own);
-    let mut places = Places { instancers, times: &times, most, steps: 0, is_cut: false };
+    let mut places = LightInstances { instancers, times: &times, most, steps: 0, is_cut: false };
     let mut worlds = Vec::new();
     places.of(prim, 0, &mut worlds);
     let placed = |ways: &TimedTransforms| PlacedLight { world: ways[0], samples: samples(&ways[1..], &times, &own) };
@@ -117,7 +117,7 @@ struct LocalTransform {
     moves: bool,
 }
 
-struct Places<'a> {
+struct LightInstances<'a> {
     instancers: &'a BTreeMap<Arc<str>, InstancerEntry>,
     times: &'a [f64],
     most: usize,
@@ -129,7 +129,7 @@ struct Places<'a> {
 /// Most prims looked at for one light.
 const MAX_STEPS: usize = 1 << 16;
 
-impl Places<'_> {
+impl LightInstances<'_> {
     /// Appends the world transforms of `prim`. Depth is bounded, so the recursion is; so is what an instancer inside
     /// itself gives.
     fn of(&mut self, prim: &PrimDesc, depth: u32, out: &mut Vec<TimedTransforms>) {
@@ -153,11 +153,12 @@ impl Places<'_> {
             for parent in &parents {
                 for prototype in entry.desc.prototypes.iter().filter(|p| p.root == by.prototype_root) {
                     let unit = Aabb { min: [0.0; 3], max: [1.0; 3] };
-                    let placer = Placer::new(DAffine3::IDENTITY, DAffine3::IDENTITY, Some(&entry.arrays), &unit);
+                    let placer =
+                        InstancePlacer::new(DAffine3::IDENTITY, DAffine3::IDENTITY, Some(&entry.arrays), &unit);
                     let moving = entry.arrays.motion.as_ref().map(|motion| {
                         // As records have it: what a prim that is at rest is placed by goes along with the instances.
                         let after = if local.moves { DAffine3::IDENTITY } else { local.ways[0] };
-                        let placer = Placer::new(DAffine3::IDENTITY, after, Some(&entry.arrays), &unit);
+                        let placer = InstancePlacer::new(DAffine3::IDENTITY, after, Some(&entry.arrays), &unit);
                         placer.clone().moving(motion.placers(&entry.arrays, &placer))
                     });
                     let indices = prototype.indices.view();

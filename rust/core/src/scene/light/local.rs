@@ -5,7 +5,7 @@ use glam::{DAffine3, DMat3, DVec3};
 
 use super::shape::{LocalShape, shape_of};
 use super::{narrow, orthonormal};
-use crate::desc::{AssetRef, LightDesc, Shaping};
+use crate::desc::{AssetRef, LightDesc, ShapingCone};
 
 /// A light at a place.
 #[derive(Clone, Debug, PartialEq)]
@@ -48,7 +48,7 @@ pub struct LightShaping {
 impl LightShaping {
     /// `None` when a value is not finite; `Some(None)` when nothing is left out of the shape's own light, which of a
     /// flat one is that to one side.
-    fn new(desc: &Shaping, is_flat: bool) -> Option<Option<Self>> {
+    fn new(desc: &ShapingCone, is_flat: bool) -> Option<Option<Self>> {
         let numbers = [desc.cone_angle_degrees, desc.cone_softness, desc.focus, desc.ies_angle_scale];
         if !numbers.iter().chain(&desc.focus_tint).all(|v| v.is_finite()) {
             return None;

@@ -33,7 +33,7 @@ pub struct Light {
     /// Its prim, for messages.
     pub path: Arc<str>,
     /// Where its light comes from.
-    pub emitter: Emitter,
+    pub emitter: LightEmitter,
     /// Radiance, linear Rec. 709. Of a distant light without extent: irradiance on a facing surface; of a point:
     /// radiant intensity; of a line: radiant intensity per unit of length, seen from the side.
     pub radiance: [f32; 3],
@@ -60,7 +60,7 @@ pub struct Light {
 
 /// Kinds of light source.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Emitter {
+pub enum LightEmitter {
     /// Light from everywhere, times a picture.
     Dome {
         /// None: the same from everywhere.
@@ -113,7 +113,7 @@ impl Light {
             LightKind::Distant { angle_degrees } => distant(*angle_degrees, desc.normalize, transform)?,
             _ => {
                 let (local, scale) = LocalLight::new(desc, transform)?;
-                (Emitter::Local(Arc::new(local)), scale)
+                (LightEmitter::Local(Arc::new(local)), scale)
             }
         };
         let multiplier = |value: f32| value.is_finite().then_some(value.max(0.0));
@@ -172,9 +172,9 @@ pub(super) fn radiance(desc: &LightDesc, scale: f64) -> Option<[f32; 3]> {
     valid.then_some(rgb)
 }
 
-fn dome(texture: Option<&AssetRef>, format: DomeFormat, transform: &DAffine3) -> Option<Emitter> {
+fn dome(texture: Option<&AssetRef>, format: DomeFormat, transform: &DAffine3) -> Option<LightEmitter> {
     let Some(asset) = texture.filter(|asset| !asset.authored.is_empty() || !asset.resolved.is_empty()) else {
-        return Some(Emitter::Dome { texture: None });
+        return Some(LightEmitter::Dome { texture: None });
     };
     let frame = orthonormal(&transform.matrix3)?;
     let rows = frame.transpose();
@@ -183,10 +183,10 @@ fn dome(texture: Option<&AssetRef>, format: DomeFormat, transform: &DAffine3) ->
     let dome_from_world = [row(frame.x_axis), row(frame.y_axis), row(frame.z_axis)];
     debug_assert!(rows.is_finite(), "orthonormal gives finite axes");
     let texture = DomeTexture { asset: asset.clone(), dome_from_world, format };
-    Some(Emitter::Dome { texture: Some(texture) })
+    Some(LightEmitter::Dome { texture: Some(texture) })
 }
 
-fn distant(angle_degrees: f32, normalize: bool, transform: &DAffine3) -> Option<(Emitter, f64)> {
+fn distant(angle_degrees: f32, normalize: bool, transform: &DAffine3) -> Option<(LightEmitter, f64)> {
     let direction = transform.transform_vector3(DVec3::Z).try_normalize()?;
     if !angle_degrees.is_finite() {
         return None;
@@ -200,7 +200,7 @@ fn distant(angle_degrees: f32, normalize: bool, transform: &DAffine3) -> Option<
         (true, _) | (false, false) => 1.0,
         (false, true) => 1.0 / distant_size(half_angle),
     };
-    Some((Emitter::Distant { direction: direction.as_vec3().to_array(), one_minus_cos }, scale))
+    Some((LightEmitter::Distant { direction: direction.as_vec3().to_array(), one_minus_cos }, scale))
 }
 
 /// Half angle in radians below which a cone cannot be told from a single direction: a fifth of an arc second.

@@ -3,10 +3,10 @@
 
 use glam::{DAffine3, DMat3, DMat4, DVec3};
 
-use super::{Emitter, Light, orthonormal};
+use super::{Light, LightEmitter, orthonormal};
 use crate::desc::{LightDesc, TransformSample};
 use crate::instancing::array_motion::transform_motion;
-use crate::instancing::motion::{Keys, MAX_KEYS, MotionKey, key_at, map_at, motion_keys, swept_box};
+use crate::instancing::motion::{MAX_KEYS, MotionKey, PlacementKeys, key_at, map_at, motion_keys, swept_box};
 
 /// Turn of a light between two of the times at which it is asked where it points, radians.
 const STEP: f64 = 0.1;
@@ -25,7 +25,7 @@ pub struct LightMotion {
 impl LightMotion {
     /// Of a light that moves by `samples` of its transform and shows it; `None` of others; or why it has to stay.
     pub(crate) fn new(desc: &LightDesc, light: &Light, samples: &[TransformSample]) -> Result<Option<Self>, String> {
-        if matches!(light.emitter, Emitter::Dome { texture: None }) {
+        if matches!(light.emitter, LightEmitter::Dome { texture: None }) {
             return Ok(None);
         }
         let Some(samples) = transform_motion(samples)? else { return Ok(None) };
@@ -40,13 +40,13 @@ impl LightMotion {
         let unusable = || "a sample of its transform is singular or not finite".to_owned();
         let brightest = |light: &Light| light.radiance.iter().map(|&c| f64::from(c)).fold(0.0, f64::max);
         let mut motion = Self { keys: Vec::new(), radiance: Vec::new(), frame: DMat3::IDENTITY };
-        let mut keys = Keys::new();
+        let mut keys = PlacementKeys::new();
         for sample in samples {
             let transform = DAffine3::from_mat4(sample.transform);
             let placed = Light::placed(desc, &transform).ok_or_else(unusable)?;
             let (map, frame) = match &placed.emitter {
-                Emitter::Local(local) => (local.world_from_unit, local.frame),
-                Emitter::Dome { .. } | Emitter::Distant { .. } => {
+                LightEmitter::Local(local) => (local.world_from_unit, local.frame),
+                LightEmitter::Dome { .. } | LightEmitter::Distant { .. } => {
                     let frame = orthonormal(&transform.matrix3).ok_or_else(unusable)?;
                     (DAffine3 { matrix3: frame, translation: DVec3::ZERO }, frame)
                 }

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use super::*;
 use crate::desc::AssetRef;
 use crate::material::TextureRef;
-use crate::texture::{ColorSpace, HeightImage, Layout, OpacityQuery, Sampler};
+use crate::texture::{ColorSpace, HeightImage, OpacityQuery, TextureSampler, TileLayout};
 
 /// A generator of numbers (Steele et al. 2014, `SplitMix64`).
 pub(crate) struct Random(pub(crate) u64);
@@ -49,17 +49,17 @@ impl Picture {
 
     /// The probability that a lookup meets something.
     pub(crate) fn share(&self, query: &OpacityQuery, st: [f64; 2]) -> f64 {
-        let layout = Layout::new(self.size, 4).expect("a layout");
+        let layout = TileLayout::new(self.size, 4).expect("a layout");
         let texel = |_, x: u32, y: u32| [f64::from(self.texels[(y * self.size[0] + x) as usize]); 4];
-        let sampler = Sampler { layout, wrap: query.wrap, outside: [query.outside.into(); 4], texel };
+        let sampler = TextureSampler { layout, wrap: query.wrap, outside: [query.outside.into(); 4], texel };
         let opacity = sampler.bilinear(st, 0)[0] * f64::from(query.scale) + f64::from(query.bias);
         if query.threshold > 0.0 { f64::from(u8::from(opacity >= query.threshold.into())) } else { opacity.max(0.0) }
     }
 }
 
 impl HeightImage for Picture {
-    fn layout(&self) -> Layout {
-        Layout::new(self.size, 4).expect("a layout")
+    fn layout(&self) -> TileLayout {
+        TileLayout::new(self.size, 4).expect("a layout")
     }
 
     fn wrap(&self) -> Option<[Wrap; 2]> {
@@ -138,7 +138,7 @@ fn bounds_hold_every_place_that_a_lookup_meets() {
                     continue;
                 }
                 met += 1;
-                let is_inside = |[a, b]: Region| (0..2).all(|i| a[i] - 1.0e-9 <= st[i] && st[i] <= b[i] + 1.0e-9);
+                let is_inside = |[a, b]: UvRegion| (0..2).all(|i| a[i] - 1.0e-9 <= st[i] && st[i] <= b[i] + 1.0e-9);
                 assert!(found.is_some_and(is_inside), "{image:?} {:?} {st:?}: {found:?}", picture.size);
             }
         }
@@ -153,7 +153,7 @@ fn bounds_are_those_of_the_cells_that_a_footprint_meets() {
     let picture = Picture::new([1024, 512], |st| f64::from(u8::from(leaf(st))));
     let image = cut("a", [Wrap::Repeat; 2], [1.0, 0.0, 0.5], 0.0);
     let covered = CoveredImage::read(&image, &Files(vec![(0, picture)])).expect("something is cut out");
-    let is_near = |region: Region, [low, high]: Region| {
+    let is_near = |region: UvRegion, [low, high]: UvRegion| {
         let found = covered.within(region, [0.0; 2]).expect("a leaf");
         let off = (0..2).map(|i| (found[0][i] - low[i]).abs().max((found[1][i] - high[i]).abs())).fold(0.0, f64::max);
         // A cell, and half a texel that a lookup reaches farther.
@@ -199,7 +199,7 @@ fn sets_of_files_have_bounds_of_their_own() {
     let files = Files(vec![(1001, half(0)), (1012, half(1)), (1002, Picture::new([4, 4], |_| 1.0))]);
     let covered = CoveredImage::read(&image, &files).expect("something is cut out");
     let within = |s: f64, t: f64| covered.within([[s + 0.1, t + 0.1], [s + 0.9, t + 0.9]], [0.0; 2]);
-    let is_cut = |found: Option<Region>, axis: usize| found.is_some_and(|found| found[1][axis].fract() < 0.6);
+    let is_cut = |found: Option<UvRegion>, axis: usize| found.is_some_and(|found| found[1][axis].fract() < 0.6);
     assert!(is_cut(within(0.0, 0.0), 0) && !is_cut(within(0.0, 0.0), 1), "1001");
     assert!(is_cut(within(1.0, 1.0), 1) && !is_cut(within(1.0, 1.0), 0), "1012");
     for unknown in [[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [10.0, 0.0], [0.0, 10.0]] {

@@ -7,14 +7,14 @@ use crate::texture::Wrap;
 
 /// How much of an area is there.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Cell {
+pub(super) struct OpacityCell {
     pub(super) share: f32,
     /// Some of it may be there, and some may not.
     pub(super) may_meet: bool,
     pub(super) may_miss: bool,
 }
 
-impl Cell {
+impl OpacityCell {
     /// 0 and 255 are sure.
     pub(super) fn byte(self) -> u8 {
         match [self.may_meet, self.may_miss] {
@@ -34,17 +34,17 @@ impl Cell {
 }
 
 /// Where all texels have this value.
-pub(super) fn of_value(query: &OpacityQuery, value: f32) -> Cell {
+pub(super) fn of_value(query: &OpacityQuery, value: f32) -> OpacityCell {
     of_equal(query, f64::from(value)).unwrap_or_else(|| {
         let share = shortened(query.share(value.into()));
-        Cell { share, may_meet: true, may_miss: true }
+        OpacityCell { share, may_meet: true, may_miss: true }
     })
 }
 
 /// Where all texels have this value, if they are sure to be there or not.
-fn of_equal(query: &OpacityQuery, value: f64) -> Option<Cell> {
+fn of_equal(query: &OpacityQuery, value: f64) -> Option<OpacityCell> {
     let [may_meet, may_miss] = query.may([value; 2], 0.0, value.abs());
-    (may_meet != may_miss).then(|| Cell { share: f32::from(u8::from(may_meet)), may_meet, may_miss })
+    (may_meet != may_miss).then(|| OpacityCell { share: f32::from(u8::from(may_meet)), may_meet, may_miss })
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "a share")]
@@ -53,10 +53,10 @@ fn shortened(share: f64) -> f32 {
 }
 
 /// The cells of a row of texels with the rows below and above, 2^fine along a texel: one row of cells after the other.
-pub(super) fn of_row(query: &OpacityQuery, rows: [&[f32]; 3], fine: u32) -> Vec<Cell> {
+pub(super) fn of_row(query: &OpacityQuery, rows: [&[f32]; 3], fine: u32) -> Vec<OpacityCell> {
     let width = rows[1].len();
     let along = 1_usize << fine;
-    let mut out = vec![Cell::default(); width * along * along];
+    let mut out = vec![OpacityCell::default(); width * along * along];
     let beside = |x: usize, is_next: bool| match query.wrap[0] {
         _ if is_next && x + 1 < width => Some(x + 1),
         _ if !is_next && x > 0 => Some(x - 1),
@@ -89,27 +89,30 @@ fn hull(values: impl IntoIterator<Item = f64>) -> [f64; 2] {
 }
 
 /// The cells of the middle one of nine texels.
-fn of_texel(query: &OpacityQuery, around: [[f32; 3]; 3], fine: u32, out: &mut Vec<Cell>) {
+fn of_texel(query: &OpacityQuery, around: [[f32; 3]; 3], fine: u32, out: &mut Vec<OpacityCell>) {
     let around = around.map(|row| row.map(f64::from));
     let [low, high] = hull(around.as_flattened().iter().copied());
     let largest = low.abs().max(high.abs());
     let count = 1_usize << (2 * fine);
     let [may_meet, may_miss] = query.may([low, high], 0.0, largest);
     if may_meet != may_miss {
-        out.extend(std::iter::repeat_n(Cell { share: f32::from(u8::from(may_meet)), may_meet, may_miss }, count));
+        out.extend(std::iter::repeat_n(
+            OpacityCell { share: f32::from(u8::from(may_meet)), may_meet, may_miss },
+            count,
+        ));
         return;
     }
     // Along a side of the texel; a part lies in one patch.
     let parts = (1_usize << fine).max(2);
     let samples = (8 / parts).max(2);
-    let mut whole = Cell::default();
+    let mut whole = OpacityCell::default();
     for (y, x) in (0..parts).flat_map(|y| (0..parts).map(move |x| (y, x))) {
         let at = |i: usize| place(i as f64 / parts as f64);
         let corners = [y, y + 1].map(|y| [x, x + 1].map(|x| bilinear(&around, at(x), at(y))));
         let range = hull(corners.as_flattened().iter().copied());
         let [may_meet, may_miss] = query.may(range, PLACE_SLACK * (high - low), largest);
         let share = shortened(share_of(query, corners, samples));
-        let cell = Cell { share, may_meet, may_miss };
+        let cell = OpacityCell { share, may_meet, may_miss };
         match fine {
             0 => whole.add(cell, 1.0 / (parts * parts) as f32),
             _ => out.push(cell),

@@ -1,39 +1,39 @@
 // SPDX-License-Identifier: Apache-2.0
 //! A mask's cells, each the mean of the finer ones in it by area. Pure; any thread.
 
-use super::cells::Cell;
+use super::cells::OpacityCell;
 
 /// A level's cells, row by row.
 #[derive(Clone, Debug)]
-pub(super) struct Grid {
+pub(super) struct OpacityGrid {
     pub(super) size: [u32; 2],
-    pub(super) cells: Vec<Cell>,
+    pub(super) cells: Vec<OpacityCell>,
 }
 
 /// A grid that is made of the rows of a finer one, in any order.
 #[derive(Clone, Debug)]
-pub(super) struct Reduction {
+pub(super) struct GridReduction {
     from: [u32; 2],
-    pub(super) grid: Grid,
+    pub(super) grid: OpacityGrid,
 }
 
-impl Reduction {
+impl GridReduction {
     pub(super) fn new(from: [u32; 2], size: [u32; 2]) -> Self {
         let count = size[0] as usize * size[1] as usize;
-        Self { from, grid: Grid { size, cells: vec![Cell::default(); count] } }
+        Self { from, grid: OpacityGrid { size, cells: vec![OpacityCell::default(); count] } }
     }
 
     /// Adds row `y`; each once.
-    pub(super) fn push(&mut self, y: usize, row: &[Cell]) {
+    pub(super) fn push(&mut self, y: usize, row: &[OpacityCell]) {
         let [width, height] = self.grid.size;
         if y >= self.from[1] as usize {
             return;
         }
-        let across: Vec<Cell> = match self.from[0] == width {
+        let across: Vec<OpacityCell> = match self.from[0] == width {
             true => row.to_vec(),
             false => (0..width)
                 .map(|x| {
-                    let mut cell = Cell::default();
+                    let mut cell = OpacityCell::default();
                     for at in covered(self.from[0], width, x) {
                         let part = row.get(at as usize).copied().unwrap_or_default();
                         cell.add(part, weight(self.from[0], width, x, at));

@@ -3,7 +3,7 @@
 
 #![expect(clippy::cast_possible_truncation, reason = "levels, cells and numbers of choices are small")]
 
-use super::super::Sampler;
+use super::super::TextureSampler;
 use super::*;
 
 /// A generator of numbers (Steele et al. 2014, `SplitMix64`).
@@ -39,20 +39,20 @@ const MOST_SIDE: u32 = 512;
 const WRAPS: [Wrap; 5] = [Wrap::UseMetadata, Wrap::Black, Wrap::Clamp, Wrap::Repeat, Wrap::Mirror];
 
 /// Texels of level 0, from their places.
-fn texels(layout: &Layout, mut texel: impl FnMut([f32; 2]) -> f32) -> Vec<f32> {
+fn texels(layout: &TileLayout, mut texel: impl FnMut([f32; 2]) -> f32) -> Vec<f32> {
     let [w, h] = layout.size();
     let at = |i: u32, side: u32| (i as f32 + 0.5) / side as f32;
     (0..h).flat_map(|y| (0..w).map(move |x| [at(x, w), at(y, h)])).map(&mut texel).collect()
 }
 
 /// A mask of texels that come in bands of so many rows.
-fn banded(layout: &Layout, values: &[f32], query: &OpacityQuery, rows: usize) -> Option<OpacityMask> {
+fn banded(layout: &TileLayout, values: &[f32], query: &OpacityQuery, rows: usize) -> Option<OpacityMask> {
     let mut maker = OpacityMaskMaker::new(layout, query, MOST_SIDE)?;
     values.chunks(rows * layout.size()[0] as usize).for_each(|band| maker.push(band));
     maker.finish()
 }
 
-fn mask(layout: &Layout, values: &[f32], query: &OpacityQuery) -> OpacityMask {
+fn mask(layout: &TileLayout, values: &[f32], query: &OpacityQuery) -> OpacityMask {
     banded(layout, values, query, 7).expect("a mask")
 }
 
@@ -75,7 +75,7 @@ impl Read {
 }
 
 /// The cells, and the level that they are of.
-fn cells(mask: &OpacityMask, layout: &Layout) -> (u32, Read) {
+fn cells(mask: &OpacityMask, layout: &TileLayout) -> (u32, Read) {
     let [size, modes] = [mask.words[0], mask.words[1]];
     assert_eq!([size & 0xffff, size >> 16], layout.size());
     let (fine, level) = (modes >> 4 & 7, modes >> 8 & 31);
@@ -85,7 +85,7 @@ fn cells(mask: &OpacityMask, layout: &Layout) -> (u32, Read) {
 }
 
 /// A mask of any longest side.
-fn sized(layout: &Layout, values: &[f32], query: &OpacityQuery, most_side: u32) -> OpacityMask {
+fn sized(layout: &TileLayout, values: &[f32], query: &OpacityQuery, most_side: u32) -> OpacityMask {
     let mut maker = OpacityMaskMaker::new(layout, query, most_side).expect("a mask");
     maker.push(values);
     maker.finish().expect("a mask")
@@ -99,7 +99,7 @@ fn disc([s, t]: [f32; 2]) -> f32 {
 fn coverage_of_a_disc_is_the_same_whatever_the_size_of_its_cells() {
     let area = std::f64::consts::PI * 0.09;
     for size in [[64, 64], [300, 200], [512, 512], [777, 1031], [2048, 1024], [70, 33]] {
-        let layout = Layout::new(size, 1).expect("a layout");
+        let layout = TileLayout::new(size, 1).expect("a layout");
         let values = texels(&layout, disc);
         for (query, expected) in [
             (CUT, area),
@@ -121,7 +121,7 @@ fn coverage_of_a_disc_is_the_same_whatever_the_size_of_its_cells() {
 
 /// What lookups of level 0 give in the mean over a cell.
 fn share_by_lookups(
-    sampler: &Sampler<impl Fn(u32, u32, u32) -> [f64; 4]>,
+    sampler: &TextureSampler<impl Fn(u32, u32, u32) -> [f64; 4]>,
     query: &OpacityQuery,
     cell: [[f64; 2]; 2],
 ) -> f64 {
@@ -146,12 +146,12 @@ fn query(random: &mut Random) -> OpacityQuery {
 fn agree(seed: u64, texel: impl Fn(&mut Random, [f32; 2]) -> f32) {
     let mut random = Random(seed);
     for size in [[1, 1], [2, 1], [7, 3], [16, 16], [33, 64], [200, 130], [1025, 40]] {
-        let layout = Layout::new(size, 4).expect("a layout");
+        let layout = TileLayout::new(size, 4).expect("a layout");
         let values = texels(&layout, |st| texel(&mut random, st));
         for _ in 0..12 {
             let query = query(&mut random);
             let of = |_, x: u32, y: u32| [f64::from(values[(y * size[0] + x) as usize]); 4];
-            let sampler = Sampler { layout, wrap: query.wrap, outside: [query.outside.into(); 4], texel: of };
+            let sampler = TextureSampler { layout, wrap: query.wrap, outside: [query.outside.into(); 4], texel: of };
             let masks = [MOST_SIDE, 64, 16, 3, 1].map(|side| sized(&layout, &values, &query, side));
             let read = masks.each_ref().map(|mask| cells(mask, &layout));
             for _ in 0..400 {
@@ -193,7 +193,7 @@ fn cells_say_in_what_share_of_their_area_lookups_meet_the_surface() {
 #[test]
 fn most_cells_of_a_disc_are_sure() {
     for side in [16, 64, 128, 512, 1024] {
-        let layout = Layout::new([side; 2], 1).expect("a layout");
+        let layout = TileLayout::new([side; 2], 1).expect("a layout");
         let values = texels(&layout, |[s, t]| if (s - 0.5).hypot(t - 0.5) < 0.3 { 1.0 } else { 0.0 });
         let (_, cells) = cells(&mask(&layout, &values, &CUT), &layout);
         let sure = cells.bytes.iter().filter(|byte| matches!(byte, 0 | 255)).count() as f64;
@@ -204,7 +204,7 @@ fn most_cells_of_a_disc_are_sure() {
 /// Texels that are there, there, not there and not there, and what the first and the last mix with beside the image.
 #[test]
 fn cells_at_image_borders_follow_the_wrap_mode() {
-    let layout = Layout::new([4, 1], 1).expect("a layout");
+    let layout = TileLayout::new([4, 1], 1).expect("a layout");
     let values = [1.0, 1.0, 0.0, 0.0];
     for (wrap, outside, first, last) in [
         (Wrap::Clamp, 0.0, 255, 0),
@@ -227,7 +227,7 @@ fn cells_at_image_borders_follow_the_wrap_mode() {
 
 #[test]
 fn a_constant_image_needs_no_mask() {
-    let layout = Layout::new([32, 8], 1).expect("a layout");
+    let layout = TileLayout::new([32, 8], 1).expect("a layout");
     let ones = texels(&layout, |_| 1.0);
     let is_opaque = |query: &OpacityQuery, values: &[f32]| mask(&layout, values, query).is_opaque;
     assert!(is_opaque(&CUT, &ones));
@@ -251,7 +251,7 @@ fn a_constant_image_needs_no_mask() {
 fn a_mask_does_not_depend_on_how_rows_come() {
     let mut random = Random(9);
     for size in [[5, 1], [9, 2], [40, 3], [64, 33], [600, 70]] {
-        let layout = Layout::new(size, 1).expect("a layout");
+        let layout = TileLayout::new(size, 1).expect("a layout");
         let values = texels(&layout, |_| random.between(0.0, 1.0));
         let whole = banded(&layout, &values, &CUT, size[1] as usize).expect("a mask");
         for rows in [1, 2, 3, 16] {
@@ -264,7 +264,7 @@ fn a_mask_does_not_depend_on_how_rows_come() {
 fn masks_of_hostile_images_are_bounded() {
     let (nan, inf) = (f32::NAN, f32::INFINITY);
     for size in [[1, 1], [1, 513], [0xffff, 1], [3, 5], [511, 513], [1023, 2]] {
-        let layout = Layout::new(size, 4).expect("a layout");
+        let layout = TileLayout::new(size, 4).expect("a layout");
         let count = (size[0] * size[1]) as usize;
         let mut random = Random(3);
         let values: Vec<f32> = (0..count).map(|_| random.one_of([nan, inf, -inf, 3.0e38, -3.0e38, 0.0, 1.0])).collect();
@@ -279,10 +279,10 @@ fn masks_of_hostile_images_are_bounded() {
             }
         }
     }
-    let layout = Layout::new([8, 8], 4).expect("a layout");
+    let layout = TileLayout::new([8, 8], 4).expect("a layout");
     assert!(banded(&layout, &[1.0; 56], &CUT, 1).is_none(), "a row is missing");
     assert!(banded(&layout, &[1.0; 80], &CUT, 1).is_some_and(|mask| mask.is_opaque), "rows too many are left out");
-    let long = Layout::new([1 << 16, 1], 4).expect("a layout");
+    let long = TileLayout::new([1 << 16, 1], 4).expect("a layout");
     assert!(OpacityMaskMaker::new(&long, &CUT, MOST_SIDE).is_none(), "too long");
 }
 
@@ -290,7 +290,7 @@ fn masks_of_hostile_images_are_bounded() {
 #[test]
 fn smaller_masks_cover_as_much() {
     for size in [[1, 1], [3, 2], [100, 64], [777, 300], [2048, 4]] {
-        let layout = Layout::new(size, 1).expect("a layout");
+        let layout = TileLayout::new(size, 1).expect("a layout");
         let values = texels(&layout, disc);
         let means = [1, 16, 128, 1024, 4096].map(|most_side| {
             let mask = sized(&layout, &values, &CUT, most_side);

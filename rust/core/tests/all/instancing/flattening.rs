@@ -5,7 +5,7 @@ use oocpt_abi::Features;
 use std::sync::Arc;
 
 use glam::{DMat4, DQuat, DVec3};
-use oocpt_core::{ElementType, InstanceFlags, InstanceRecord, InstancerDesc, SceneDb, Target, TypedArray};
+use oocpt_core::{ElementType, InstanceFlags, InstanceRecord, InstanceTarget, InstancerDesc, SceneDb, TypedArray};
 use proptest::prelude::*;
 
 use crate::support::{Leaf, by, committed, flatten, grid, records, scatter, triangle};
@@ -287,8 +287,8 @@ fn pick_targets_of_prototype_members_are_their_prims() {
         db.upsert_mesh(mesh);
     }
     let snapshot = committed(&mut db);
-    assert_eq!(records(&snapshot, 1)[0].target, Target::Assembly(0));
+    assert_eq!(records(&snapshot, 1)[0].target, InstanceTarget::Assembly(0));
     assert_eq!(records(&snapshot, 1)[0].prim_id, -1);
     let below: Vec<_> = records(&snapshot, 0).iter().map(|r| (r.target, r.prim_id, r.prototype_count)).collect();
-    assert_eq!(below, [(Target::Mesh(0), 7, 1), (Target::Mesh(1), 7, 1)]);
+    assert_eq!(below, [(InstanceTarget::Mesh(0), 7, 1), (InstanceTarget::Mesh(1), 7, 1)]);
 }

@@ -8,12 +8,16 @@ use crate::support::{by, committed, constant, scatter, triangle};
 use oocpt_core::partition::{Chunk, PartitionOptions};
 use oocpt_core::scene::{InstanceColumn, NamedPrimvar};
 use oocpt_core::{
-    Element, InstanceRecord, InstancerDesc, Interpolation, MeshDesc, Primvar, SceneDb, Snapshot, TypedArray,
+    ArrayElement, InstanceRecord, InstancerDesc, Interpolation, MeshDesc, Primvar, SceneDb, Snapshot, TypedArray,
 };
 
 const COLOR: InstanceColumn = InstanceColumn { id: NAME_DISPLAY_COLOR, width: 3 };
 
-fn per_instance<T: Element + std::fmt::Debug>(mut desc: InstancerDesc, name: &str, values: Vec<T>) -> InstancerDesc {
+fn per_instance<T: ArrayElement + std::fmt::Debug>(
+    mut desc: InstancerDesc,
+    name: &str,
+    values: Vec<T>,
+) -> InstancerDesc {
     let primvar = Primvar { interpolation: Interpolation::Instance, values: TypedArray::of(values), indices: None };
     desc.primvars.push(NamedPrimvar { name: name.into(), primvar });
     desc

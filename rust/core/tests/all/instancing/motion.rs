@@ -5,7 +5,7 @@ use glam::{DAffine3, DMat4, DVec3};
 use oocpt_abi::Features;
 use oocpt_core::scene::{InstancerMotion, InstancerSample, MAX_KEYS, map_at};
 use oocpt_core::{
-    Aabb, ElementType, InstanceRecord, InstancerDesc, MotionKey, PartitionOptions, SceneDb, Snapshot, Target,
+    Aabb, ElementType, InstanceRecord, InstanceTarget, InstancerDesc, MotionKey, PartitionOptions, SceneDb, Snapshot,
     TransformSample, TypedArray,
 };
 
@@ -77,10 +77,10 @@ fn everything() -> SceneDb {
     db
 }
 
-fn bounds_of(snapshot: &Snapshot, target: Target) -> Aabb {
+fn bounds_of(snapshot: &Snapshot, target: InstanceTarget) -> Aabb {
     match target {
-        Target::Mesh(mesh) => snapshot.meshes[mesh as usize].bounds,
-        Target::Assembly(assembly) => snapshot.assemblies[assembly as usize].bounds(),
+        InstanceTarget::Mesh(mesh) => snapshot.meshes[mesh as usize].bounds,
+        InstanceTarget::Assembly(assembly) => snapshot.assemblies[assembly as usize].bounds(),
     }
 }
 

@@ -4,11 +4,11 @@
 
 use std::sync::OnceLock;
 
-use oocpt_core::material::{Compiled, Material, compile, describe};
+use oocpt_core::material::{CompiledMaterial, Material, compile, describe};
 use oocpt_core::scene::SceneDb;
-use oocpt_core::{AssetRef, ConnectionDesc, Input, MaterialDesc, NodeDesc, ParamDesc, ParamValue};
+use oocpt_core::{AssetRef, ConnectionDesc, InputValue, MaterialDesc, NodeDesc, ParamDesc, ParamValue};
 use oocpt_materialx::eval::run;
-use oocpt_materialx::library::{Definition, standard};
+use oocpt_materialx::library::{NodeDef, standard};
 use proptest::prelude::*;
 
 use crate::material::preview_surface::{file, network, node, text};
@@ -23,8 +23,8 @@ fn networks() -> u32 {
 /// Most bytes of a message about a material: eight lines of 512, and what stands between.
 const LONGEST: usize = 8 * (512 + 8);
 
-fn definitions() -> &'static [&'static Definition] {
-    static ALL: OnceLock<Vec<&'static Definition>> = OnceLock::new();
+fn definitions() -> &'static [&'static NodeDef] {
+    static ALL: OnceLock<Vec<&'static NodeDef>> = OnceLock::new();
     ALL.get_or_init(|| {
         let library = standard();
         let mut names = library.names();
@@ -141,11 +141,11 @@ fn finite(values: &[f32]) -> bool {
 fn check_material(material: &Material) {
     for input in &material.inputs {
         let is_finite = match input {
-            Input::Constant(value) | Input::Primvar { fallback: value, .. } => finite(value),
-            Input::Texture { scale, bias, transform, .. } => {
+            InputValue::Constant(value) | InputValue::Primvar { fallback: value, .. } => finite(value),
+            InputValue::Texture { scale, bias, transform, .. } => {
                 finite(scale) && finite(bias) && finite(transform.as_flattened())
             }
-            Input::Register(_) => true,
+            InputValue::Register(_) => true,
         };
         assert!(is_finite, "{input:?}");
     }
@@ -161,7 +161,7 @@ fn check_material(material: &Material) {
 
 /// Everything that a material of strangers promises.
 fn check(desc: &MaterialDesc) {
-    let Compiled { material, textures, problems, .. } = compile(desc);
+    let CompiledMaterial { material, textures, problems, .. } = compile(desc);
     assert!(material.is_some() || !problems.is_empty(), "a surface that is none says why");
     material.iter().for_each(check_material);
     assert!(textures.iter().all(|texture| finite(&texture.fallback)), "{textures:?}");

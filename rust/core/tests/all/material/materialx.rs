@@ -3,15 +3,15 @@
 //! translation itself has tests of its own in `oocpt-materialx`.
 
 use oocpt_abi::{MaterialFlags, MaterialInput};
-use oocpt_core::material::{Compiled, compile};
-use oocpt_core::{ColorSpace, Input, NodeDesc, ParamValue, Wrap};
+use oocpt_core::material::{CompiledMaterial, compile};
+use oocpt_core::{ColorSpace, InputValue, NodeDesc, ParamValue, Wrap};
 
 use crate::material::preview_surface::{file, network, node, text};
 
 const SURFACE: &str = "ND_standard_surface_surfaceshader";
 const IMAGE: &str = "ND_image_color3";
 
-fn of(nodes: Vec<NodeDesc>) -> Compiled {
+fn of(nodes: Vec<NodeDesc>) -> CompiledMaterial {
     compile(&network("/m", nodes))
 }
 
@@ -21,7 +21,7 @@ fn colours_in_the_srgb_curve_are_made_linear() {
     let space = ("colorSpace:base_color", text("srgb_texture"));
     for (params, expected) in [(vec![color.clone()], 0.5_f32), (vec![color, space], 0.214_041_14)] {
         let material = of(vec![node(SURFACE, &params, &[])]).material.expect("a surface");
-        let Input::Constant([red, green, blue, _]) = *material.input(MaterialInput::DiffuseColor) else {
+        let InputValue::Constant([red, green, blue, _]) = *material.input(MaterialInput::DiffuseColor) else {
             panic!("{material:?}")
         };
         assert!((red - expected).abs() < 1e-6 && (green - 1.0).abs() < 1e-6 && blue == 0.0, "{red} {green} {blue}");
@@ -41,7 +41,7 @@ fn files_use_the_authored_color_space() {
         let material = compiled.material.expect("a surface");
         assert!(matches!(
             material.input(MaterialInput::DiffuseColor),
-            Input::Texture { texture: 0, channel: None, .. }
+            InputValue::Texture { texture: 0, channel: None, .. }
         ));
     }
 }

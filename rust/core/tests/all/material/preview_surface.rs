@@ -2,9 +2,9 @@
 //! Networks of `UsdPreviewSurface` against the rules of its specification.
 
 use oocpt_abi::{MaterialFlags, MaterialInput};
-use oocpt_core::material::{Compiled, MAX_NODES, compile};
+use oocpt_core::material::{CompiledMaterial, MAX_NODES, compile};
 use oocpt_core::{
-    AssetRef, ColorSpace, ConnectionDesc, Input, Material, MaterialDesc, NodeDesc, ParamDesc, ParamValue, Wrap,
+    AssetRef, ColorSpace, ConnectionDesc, InputValue, Material, MaterialDesc, NodeDesc, ParamDesc, ParamValue, Wrap,
 };
 use proptest::prelude::*;
 
@@ -39,7 +39,7 @@ pub(crate) fn file(name: &str) -> ParamValue {
     ParamValue::Asset(AssetRef { authored: name.into(), resolved: name.into() })
 }
 
-fn of(nodes: Vec<NodeDesc>) -> Compiled {
+fn of(nodes: Vec<NodeDesc>) -> CompiledMaterial {
     compile(&network("/m", nodes))
 }
 
@@ -61,11 +61,11 @@ fn defaults_match_the_specification() {
     let plain = material(vec![surface(&[])]);
     let expected = [[0.18, 0.18, 0.18, 1.0], [0.0, 0.0, 0.0, 1.0], [0.0, 0.0, 0.0, 1.0]].into_iter();
     let expected = expected.chain([0.0, 0.5, 0.0, 0.01, 1.0, 1.5].map(|v| [v; 4])).chain([[0.0, 0.0, 1.0, 1.0]]);
-    let expected: Vec<Input> = expected.map(Input::Constant).collect();
+    let expected: Vec<InputValue> = expected.map(InputValue::Constant).collect();
     // The others are OpenPBR's.
     let (own, others) = plain.inputs.split_at(expected.len());
     assert_eq!(own, expected);
-    assert!(others.iter().all(|input| matches!(input, Input::Constant(_))), "{others:?}");
+    assert!(others.iter().all(|input| matches!(input, InputValue::Constant(_))), "{others:?}");
     assert_eq!((plain.flags, plain.opacity_threshold), (MaterialFlags::empty(), 0.0));
 }
 
@@ -81,8 +81,8 @@ fn authored_values_and_flags() {
         ("occlusion", ParamValue::Float(0.5)),
         ("normal", ParamValue::Vec3([0.0, 1.0, 0.0])),
     ])]);
-    assert_eq!(made.input(MaterialInput::DiffuseColor), &Input::Constant([0.1, 0.2, 0.3, 1.0]));
-    assert_eq!(made.input(MaterialInput::Metallic), &Input::Constant([1.0; 4]));
+    assert_eq!(made.input(MaterialInput::DiffuseColor), &InputValue::Constant([0.1, 0.2, 0.3, 1.0]));
+    assert_eq!(made.input(MaterialInput::Metallic), &InputValue::Constant([1.0; 4]));
     let flags = MaterialFlags::SPECULAR_WORKFLOW | MaterialFlags::EMISSIVE | MaterialFlags::COAT;
     let glass = MaterialFlags::TRANSMISSIVE | MaterialFlags::ROUGH_TRANSMISSION;
     assert_eq!(made.flags, flags | glass | MaterialFlags::NORMAL_MAP);
@@ -98,7 +98,7 @@ fn opacity_is_transmission_presence_or_a_threshold() {
     };
     let threshold = |v: f32| ("opacityThreshold", ParamValue::Float(v));
     let presence = ("opacityMode", text("presence"));
-    let all = |v: f32| Input::Constant([v; 4]);
+    let all = |v: f32| InputValue::Constant([v; 4]);
     let rough = MaterialFlags::TRANSMISSIVE | MaterialFlags::ROUGH_TRANSMISSION;
     assert_eq!(made(0.5, &[]), (rough, all(0.5)));
     assert_eq!(made(0.5, &[("opacityMode", text("transparent"))]), (rough, all(0.5)));
@@ -134,14 +134,15 @@ fn a_texture_has_its_channels_and_settings() {
     ];
     let compiled = of(nodes);
     let made = compiled.material.expect("a surface");
-    let Input::Texture { texture, channel, scale, bias, uv, transform } = *made.input(MaterialInput::Normal) else {
+    let InputValue::Texture { texture, channel, scale, bias, uv, transform } = *made.input(MaterialInput::Normal)
+    else {
         panic!("a texture");
     };
     assert_eq!((texture, channel, uv), (0, None, Some(0)));
     assert_eq!((scale, bias), ([2.0, 2.0, 2.0, 1.0], [-1.0, -1.0, -1.0, 0.0]));
     assert_eq!(transform, [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
-    assert!(matches!(made.input(MaterialInput::Roughness), Input::Texture { texture: 0, channel: Some(1), .. }));
-    assert!(matches!(made.input(MaterialInput::Opacity), Input::Texture { texture: 1, channel: Some(3), .. }));
+    assert!(matches!(made.input(MaterialInput::Roughness), InputValue::Texture { texture: 0, channel: Some(1), .. }));
+    assert!(matches!(made.input(MaterialInput::Opacity), InputValue::Texture { texture: 1, channel: Some(3), .. }));
     let [first, second] = &compiled.textures[..] else { panic!("one file in two ways is two textures") };
     assert_eq!((first.wrap, &first.color_space), ([Wrap::Repeat, Wrap::Mirror], &ColorSpace::Raw));
     assert_eq!(first.fallback, [0.5, 0.5, 1.0, 1.0]);
@@ -184,8 +185,8 @@ fn a_texture_without_a_file_is_its_fallback_unscaled() {
     assert_eq!(compiled.textures.len(), 0);
     assert!(compiled.problem().expect("a warning").contains("not found"));
     let made = compiled.material.expect("a surface");
-    assert_eq!(made.input(MaterialInput::DiffuseColor), &Input::Constant([0.1, 0.2, 0.3, 0.4]));
-    assert_eq!(made.input(MaterialInput::Metallic), &Input::Constant([0.3; 4]));
+    assert_eq!(made.input(MaterialInput::DiffuseColor), &InputValue::Constant([0.1, 0.2, 0.3, 0.4]));
+    assert_eq!(made.input(MaterialInput::Metallic), &InputValue::Constant([0.3; 4]));
 }
 
 #[test]
@@ -207,7 +208,7 @@ fn a_transform_scales_then_rotates_then_translates() {
             node(TEXTURE, &[("file", file("a.png"))], &[("st", 2, "result")]),
         ];
         match *material(head.into_iter().chain(nodes).collect()).input(MaterialInput::DiffuseColor) {
-            Input::Texture { transform, uv, .. } => (uv, transform),
+            InputValue::Texture { transform, uv, .. } => (uv, transform),
             _ => panic!("a texture"),
         }
     };
@@ -242,8 +243,8 @@ fn primvar_readers_of_every_type() {
             reader(kind, "tint", value.clone()),
             reader(kind, "glow", value),
         ]);
-        assert_eq!(made.input(MaterialInput::DiffuseColor), &Input::Primvar { slot: 0, fallback }, "{kind}");
-        assert_eq!(made.input(MaterialInput::EmissiveColor), &Input::Primvar { slot: 1, fallback }, "{kind}");
+        assert_eq!(made.input(MaterialInput::DiffuseColor), &InputValue::Primvar { slot: 0, fallback }, "{kind}");
+        assert_eq!(made.input(MaterialInput::EmissiveColor), &InputValue::Primvar { slot: 1, fallback }, "{kind}");
         let names: Vec<&str> = made.primvars.iter().map(|slot| &*slot.name).collect();
         assert_eq!(names, ["tint", "glow"]);
     }
@@ -251,10 +252,10 @@ fn primvar_readers_of_every_type() {
 
 #[test]
 fn invalid_networks_keep_their_valid_inputs() {
-    let grey = Input::Constant([0.18, 0.18, 0.18, 1.0]);
+    let grey = InputValue::Constant([0.18, 0.18, 0.18, 1.0]);
     let tinted = [("diffuseColor", ParamValue::Vec3([0.5; 3]))];
-    let half = Input::Constant([0.5, 0.5, 0.5, 1.0]);
-    let cases: Vec<(&str, Vec<NodeDesc>, Input)> = vec![
+    let half = InputValue::Constant([0.5, 0.5, 0.5, 1.0]);
+    let cases: Vec<(&str, Vec<NodeDesc>, InputValue)> = vec![
         ("not supported", vec![node(SURFACE, &tinted, &[("diffuseColor", 1, "out")]), node("Noise", &[], &[])], half),
         ("connected to nothing", vec![node(SURFACE, &tinted, &[("diffuseColor", 99, "rgb")])], half),
         ("wrong type", vec![surface(&[("diffuseColor", text("red"))])], grey),
@@ -306,7 +307,7 @@ fn cyclic_networks_and_excess_texture_sets_are_refused() {
     assert_eq!(made.uv_sets.len(), 2);
     let at = [[0.0, 0.0, 0.75], [0.0, 0.0, 0.5]];
     assert!(
-        matches!(made.input(MaterialInput::Roughness), Input::Texture { uv: None, transform, .. } if *transform == at)
+        matches!(made.input(MaterialInput::Roughness), InputValue::Texture { uv: None, transform, .. } if *transform == at)
     );
 }
 
@@ -363,14 +364,14 @@ proptest! {
         let Some(made) = compiled.material else { return Ok(()) };
         for input in &made.inputs {
             match input {
-                Input::Constant(value) => prop_assert!(value.iter().all(|v| v.is_finite())),
-                Input::Texture { texture, uv, transform, scale, bias, .. } => {
+                InputValue::Constant(value) => prop_assert!(value.iter().all(|v| v.is_finite())),
+                InputValue::Texture { texture, uv, transform, scale, bias, .. } => {
                     prop_assert!((*texture as usize) < compiled.textures.len());
                     prop_assert!(uv.is_none_or(|uv| usize::from(uv) < made.uv_sets.len()));
                     prop_assert!(transform.as_flattened().iter().chain(scale).chain(bias).all(|v| v.is_finite()));
                 }
-                Input::Register(_) => prop_assert!(false, "only MaterialX has programs"),
-                Input::Primvar { slot, fallback } => {
+                InputValue::Register(_) => prop_assert!(false, "only MaterialX has programs"),
+                InputValue::Primvar { slot, fallback } => {
                     prop_assert!(usize::from(*slot) < made.primvars.len());
                     prop_assert!(fallback.iter().all(|v| v.is_finite()));
                 }

@@ -2,7 +2,7 @@
 //! The four-wide hierarchies of meshes: invariants, their checker, boxes of any size, and a walk against brute force.
 
 use glam::DVec3;
-use oocpt_abi::{ABSENT, Child, LEAF, LevelNode};
+use oocpt_abi::{ABSENT, LEAF, LevelNode, NodeChild};
 use oocpt_core::mesh::bvh4::{Bvh4, build_bvh4, level_nodes};
 use oocpt_core::mesh::{LeafKind, build_box_bvh, build_level, level_node_count, likely_level_stack};
 use oocpt_core::{Aabb, BvhError, Triangle};
@@ -48,8 +48,8 @@ proptest! {
 fn a_single_triangle_is_the_only_child() {
     let (bvh, ordered) = ordered(&soup(1, 1.0));
     assert_eq!((bvh.nodes.len(), bvh.stack), (1, 0));
-    assert_eq!(bvh.nodes[0].child(0), Child::Leaf { first: 0, count: 1 });
-    assert!((1..4).all(|at| bvh.nodes[0].child(at) == Child::Absent));
+    assert_eq!(bvh.nodes[0].child(0), NodeChild::Leaf { first: 0, count: 1 });
+    assert!((1..4).all(|at| bvh.nodes[0].child(at) == NodeChild::Absent));
     assert_eq!(bvh.validate(&ordered, LeafKind::Triangles), Ok(()));
 }
 
@@ -57,7 +57,7 @@ fn a_single_triangle_is_the_only_child() {
 fn nodes_have_at_least_three_children_on_average() {
     let (bvh, _) = ordered(&soup(10_000, 100.0));
     let children = bvh.nodes.iter().flat_map(|node| (0..4).map(|at| node.child(at)));
-    let there = children.filter(|child| *child != Child::Absent).count();
+    let there = children.filter(|child| *child != NodeChild::Absent).count();
     assert!(there >= 3 * bvh.nodes.len(), "{there} children of {} nodes", bvh.nodes.len());
 }
 
@@ -81,7 +81,7 @@ fn the_checker_sees_each_planted_error() {
         change(&mut bvh);
         bvh.validate(&ordered, LeafKind::Triangles)
     };
-    let leaf = good.nodes.iter().position(|n| matches!(n.child(0), Child::Leaf { .. })).unwrap();
+    let leaf = good.nodes.iter().position(|n| matches!(n.child(0), NodeChild::Leaf { .. })).unwrap();
     assert_eq!(with(&|_| ()), Ok(()));
     assert_eq!(with(&|b| b.nodes.clear()), Err(BvhError::Empty));
     assert_eq!(with(&|b| b.stack += 1), Err(BvhError::Depth));
@@ -106,13 +106,13 @@ fn nearest(bvh: &Bvh4, triangles: &[Triangle], origin: DVec3, direction: DVec3) 
                 continue;
             }
             match node.child(at) {
-                Child::Inner(child) => stack.push(child as usize),
-                Child::Leaf { first, count } => {
+                NodeChild::Inner(child) => stack.push(child as usize),
+                NodeChild::Leaf { first, count } => {
                     let leaf = &triangles[first as usize..][..count as usize];
                     let hits = leaf.iter().filter_map(|triangle| hit(triangle, origin, direction));
                     best = hits.fold(best, f64::min);
                 }
-                Child::Absent => {}
+                NodeChild::Absent => {}
             }
         }
         assert!(stack.len() <= bvh.stack as usize + 1, "the stack suffices");

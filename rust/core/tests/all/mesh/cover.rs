@@ -3,10 +3,10 @@
 
 use std::sync::{Arc, Mutex};
 
-use oocpt_abi::Child;
+use oocpt_abi::NodeChild;
 use oocpt_core::mesh::MeshFiles;
 use oocpt_core::scene::{PointsMotion, PointsSample};
-use oocpt_core::texture::{HeightFiles, HeightImage, Layout, TextureRef};
+use oocpt_core::texture::{HeightFiles, HeightImage, TextureRef, TileLayout};
 use oocpt_core::{
     Aabb, Interpolation, MaterialDesc, MeshAsset, MeshDesc, NamedPrimvar, ParamValue, PartitionOptions, Primvar,
     SceneDb, Snapshot, TypedArray, Wrap,
@@ -26,8 +26,8 @@ struct Picture(Shape);
 const SIDE: u16 = 64;
 
 impl HeightImage for Picture {
-    fn layout(&self) -> Layout {
-        Layout::new([SIDE.into(); 2], 4).expect("a layout")
+    fn layout(&self) -> TileLayout {
+        TileLayout::new([SIDE.into(); 2], 4).expect("a layout")
     }
 
     fn wrap(&self) -> Option<[Wrap; 2]> {
@@ -194,7 +194,7 @@ fn holds_what_is_there(mesh: &MeshAsset, is_there: impl Fn([f32; 2]) -> bool) ->
     let mut seen = 0;
     for node in &mesh.bvh.nodes {
         for child in 0..4 {
-            let Child::Leaf { first, count } = node.child(child) else { continue };
+            let NodeChild::Leaf { first, count } = node.child(child) else { continue };
             for triangle in first as usize..(first + count) as usize {
                 let places = mesh.corner_indices[triangle].map(|point| st.values[point as usize]);
                 let keys = std::iter::once(&mesh.triangles[triangle].vertices)

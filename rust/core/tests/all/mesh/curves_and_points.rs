@@ -3,35 +3,38 @@
 
 use glam::{DVec3, Vec3};
 use oocpt_abi::AttributeRate;
-use oocpt_core::desc::{CurveBasis, CurveWrap, CurvesDesc, Shape};
-use oocpt_core::mesh::{BuiltMesh, Demand, Dicing, LeafKind, WantedPrimvar, build_mesh_with, split_mesh};
+use oocpt_core::desc::{CurveBasis, CurveWrap, CurvesDesc, PrimShape};
+use oocpt_core::mesh::{BuildDemand, BuiltMesh, DicingRate, LeafKind, WantedPrimvar, build_mesh_with, split_mesh};
 use oocpt_core::{
     Aabb, AnyAttribute, DroppedData, Interpolation, MeshAsset, MeshDesc, NamedPrimvar, Primvar, TypedArray,
 };
 use proptest::prelude::*;
 
-fn primvar<T: oocpt_core::array::Element + std::fmt::Debug>(interpolation: Interpolation, values: Vec<T>) -> Primvar {
+fn primvar<T: oocpt_core::array::ArrayElement + std::fmt::Debug>(
+    interpolation: Interpolation,
+    values: Vec<T>,
+) -> Primvar {
     Primvar { interpolation, values: TypedArray::of(values), indices: None }
 }
 
 fn curves(basis: CurveBasis, wrap: CurveWrap, counts: &[i32], points: &[[f32; 3]]) -> MeshDesc {
     MeshDesc {
-        shape: Shape::Curves(CurvesDesc { basis, wrap, counts: TypedArray::of(counts.to_vec()), indices: None }),
+        shape: PrimShape::Curves(CurvesDesc { basis, wrap, counts: TypedArray::of(counts.to_vec()), indices: None }),
         points: TypedArray::of(points.to_vec()),
         widths: Some(primvar(Interpolation::Constant, vec![0.2_f32])),
         ..MeshDesc::default()
     }
 }
 
-fn build_with(desc: &MeshDesc, wanted: &[&str], dicing: &Dicing) -> BuiltMesh {
+fn build_with(desc: &MeshDesc, wanted: &[&str], dicing: &DicingRate) -> BuiltMesh {
     let wanted: Vec<WantedPrimvar> =
         wanted.iter().zip(7..).map(|(name, id)| WantedPrimvar { name: (*name).into(), id }).collect();
-    let demand = Demand { wanted: &wanted, dicing: Some(dicing), ..Demand::default() };
+    let demand = BuildDemand { wanted: &wanted, dicing: Some(dicing), ..BuildDemand::default() };
     build_mesh_with(desc, &demand, 1, u64::MAX, u64::MAX)
 }
 
 fn build(desc: &MeshDesc) -> BuiltMesh {
-    build_with(desc, &[], &Dicing::default())
+    build_with(desc, &[], &DicingRate::default())
 }
 
 fn asset(built: &BuiltMesh) -> MeshAsset {
@@ -77,7 +80,7 @@ fn curve_pieces_stay_within_their_tolerance() {
     };
     let mut before = 0;
     for density in [1.0, 30.0, 300.0] {
-        let dicing = Dicing { pixels: 2.0, density, focal: 1.0, eyes: Vec::new() };
+        let dicing = DicingRate { pixels: 2.0, density, focal: 1.0, eyes: Vec::new() };
         let thin = MeshDesc {
             widths: Some(primvar(Interpolation::Constant, vec![1e-4_f32])),
             ..curves(CurveBasis::Bezier, CurveWrap::Nonperiodic, &[4], &ZIGZAG)
@@ -141,7 +144,7 @@ fn curve_primvars_are_interpolated_along_the_curve() {
         ],
         ..curves(CurveBasis::CatmullRom, CurveWrap::Nonperiodic, &[6], &points)
     };
-    let asset = asset(&build_with(&desc, &["smooth", "ends", "curve"], &Dicing::default()));
+    let asset = asset(&build_with(&desc, &["smooth", "ends", "curve"], &DicingRate::default()));
     let values = |id: u32| match &asset.primvars.iter().find(|primvar| primvar.id == id).unwrap().values {
         AnyAttribute::One(values) => values.clone(),
         other => panic!("{other:?} has one float"),
@@ -185,7 +188,7 @@ fn curves_with_normals_are_ribbons() {
 #[test]
 fn points_are_spheres() {
     let desc = MeshDesc {
-        shape: Shape::Points,
+        shape: PrimShape::Points,
         widths: Some(primvar(Interpolation::Vertex, vec![1.0_f32, 2.0, 0.0, 4.0])),
         display_color: Some(primvar(Interpolation::Vertex, ZIGZAG.map(|p| p.map(f32::abs)).to_vec())),
         ..curves(CurveBasis::Linear, CurveWrap::Nonperiodic, &[], &ZIGZAG)
@@ -213,7 +216,7 @@ fn scattered(count: u32, widths: Interpolation) -> MeshDesc {
     let count = if widths == Interpolation::Constant { 1 } else { count };
     let widths = primvar(widths, (0..count).map(|k| 0.002 + 0.001 * place(k)).collect::<Vec<f32>>());
     MeshDesc {
-        shape: Shape::Points,
+        shape: PrimShape::Points,
         widths: Some(widths),
         ..curves(CurveBasis::Linear, CurveWrap::Nonperiodic, &[], &points)
     }
@@ -278,7 +281,7 @@ fn invalid_curves_are_counted_as_dropped() {
     assert_eq!(dropped(CurveBasis::BSpline, &[3], &ZIGZAG), (1, 0), "too few points");
     assert_eq!(dropped(CurveBasis::Linear, &[1, 0, 2], &ZIGZAG), (2, 1), "nothing to draw");
     let wide = MeshDesc {
-        shape: Shape::Points,
+        shape: PrimShape::Points,
         widths: Some(primvar(Interpolation::Vertex, vec![1.0, f32::INFINITY, -1.0, 1.0])),
         ..curves(CurveBasis::Linear, CurveWrap::Nonperiodic, &[], &nan)
     };
@@ -294,7 +297,7 @@ fn curves_of_no_extent_give_no_asset() {
     let cases = [
         ("no curves", curves(CurveBasis::Linear, CurveWrap::Nonperiodic, &[], &[])),
         ("ribbons whose normals have no length", MeshDesc { normals: without_length, ..one() }),
-        ("points without a width", MeshDesc { shape: Shape::Points, widths: thin(), ..one() }),
+        ("points without a width", MeshDesc { shape: PrimShape::Points, widths: thin(), ..one() }),
     ];
     for (what, desc) in cases {
         let built = build(&desc);
@@ -328,11 +331,11 @@ proptest! {
             display_color: Some(primvar(rates[(rate + 1) % 6], vec![[0.5_f32; 3]; widths.len()])),
             ..curves(basis, wrap, &counts, &points)
         };
-        if let Shape::Curves(curves) = &mut desc.shape {
+        if let PrimShape::Curves(curves) = &mut desc.shape {
             curves.indices = indices.map(TypedArray::of);
         }
-        let dicing = Dicing { pixels: 2.0, density, focal: 1.0, eyes: Vec::new() };
-        for desc in [desc.clone(), MeshDesc { shape: Shape::Points, ..desc }] {
+        let dicing = DicingRate { pixels: 2.0, density, focal: 1.0, eyes: Vec::new() };
+        for desc in [desc.clone(), MeshDesc { shape: PrimShape::Points, ..desc }] {
             if let Some(asset) = build_with(&desc, &[], &dicing).asset {
                 prop_assert!(!asset.triangles.is_empty(), "an asset has something");
                 prop_assert!(asset.triangles.iter().flat_map(|t| t.vertices.as_flattened()).all(|v| v.is_finite()), "numbers");

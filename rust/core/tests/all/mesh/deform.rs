@@ -3,7 +3,7 @@
 
 use glam::DVec3;
 use oocpt_core::mesh::{MeshKeys, build_mesh, build_mesh_split, mesh_key};
-use oocpt_core::scene::{Interpolation, PointsMotion, PointsSample, Primvar, Shape};
+use oocpt_core::scene::{Interpolation, PointsMotion, PointsSample, PrimShape, Primvar};
 use oocpt_core::{MeshAsset, MeshDesc, Subdivision, TypedArray};
 
 use crate::mesh::displace;
@@ -211,8 +211,11 @@ fn displacement_applies_at_all_keys() {
 #[test]
 fn points_move_with_their_widths() {
     let one = Primvar { interpolation: Interpolation::Constant, values: TypedArray::of(vec![1.0_f32]), indices: None };
-    let desc =
-        MeshDesc { shape: Shape::Points, widths: Some(one), ..triangle(samples(vec![(0.0, at(1.0)), (1.0, at(3.0))])) };
+    let desc = MeshDesc {
+        shape: PrimShape::Points,
+        widths: Some(one),
+        ..triangle(samples(vec![(0.0, at(1.0)), (1.0, at(3.0))]))
+    };
     let asset = build_mesh(&desc, 1).asset.unwrap();
     assert_eq!(asset.keys.vertices.len(), 3);
     for (item, later) in asset.triangles.iter().zip(&asset.keys.vertices) {

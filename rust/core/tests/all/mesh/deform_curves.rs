@@ -4,7 +4,9 @@
 
 use glam::Vec3;
 use oocpt_core::mesh::{LeafKind, MeshKeys, build_mesh, mesh_key};
-use oocpt_core::scene::{CurveBasis, CurveWrap, CurvesDesc, Interpolation, PointsMotion, PointsSample, Primvar, Shape};
+use oocpt_core::scene::{
+    CurveBasis, CurveWrap, CurvesDesc, Interpolation, PointsMotion, PointsSample, PrimShape, Primvar,
+};
 use oocpt_core::{DroppedData, MeshAsset, MeshDesc, TypedArray};
 
 type Points = Vec<[f32; 3]>;
@@ -20,16 +22,19 @@ struct At {
     widths: Option<Vec<f32>>,
 }
 
-fn primvar<T: oocpt_core::array::Element + std::fmt::Debug>(interpolation: Interpolation, values: Vec<T>) -> Primvar {
+fn primvar<T: oocpt_core::array::ArrayElement + std::fmt::Debug>(
+    interpolation: Interpolation,
+    values: Vec<T>,
+) -> Primvar {
     Primvar { interpolation, values: TypedArray::of(values), indices: None }
 }
 
-fn curves(basis: CurveBasis, wrap: CurveWrap, counts: &[i32]) -> Shape {
-    Shape::Curves(CurvesDesc { basis, wrap, counts: TypedArray::of(counts.to_vec()), indices: None })
+fn curves(basis: CurveBasis, wrap: CurveWrap, counts: &[i32]) -> PrimShape {
+    PrimShape::Curves(CurvesDesc { basis, wrap, counts: TypedArray::of(counts.to_vec()), indices: None })
 }
 
 /// The prim as it is at the first time, with the motion from there on.
-fn moving(shape: Shape, by: Interpolation, all: &[At]) -> MeshDesc {
+fn moving(shape: PrimShape, by: Interpolation, all: &[At]) -> MeshDesc {
     let sample = |at: &At| PointsSample {
         time: at.time,
         points: TypedArray::of(at.points.clone()),
@@ -83,7 +88,7 @@ fn distance(a: &[[f32; 3]; 3], b: &[[f32; 3]; 3]) -> f32 {
 }
 
 /// Compares each key with the still prim of its values.
-fn agree(what: &str, shape: &Shape, by: Interpolation, all: &[At]) {
+fn agree(what: &str, shape: &PrimShape, by: Interpolation, all: &[At]) {
     let found = keys(&built(&moving(shape.clone(), by, all)));
     assert_eq!(found.len(), all.len(), "{what}: a key for each sample");
     for (key, (at, (vertices, normals))) in all.iter().zip(&found).enumerate() {
@@ -188,8 +193,8 @@ fn widths_of_tubes_and_points_change_by_every_interpolation() {
         ("varying", &linear, Interpolation::Varying, 5),
         ("cubic, vertex", &cubic, Interpolation::Vertex, 5),
         ("cubic, varying", &cubic, Interpolation::Varying, 3),
-        ("points, vertex", &Shape::Points, Interpolation::Vertex, 5),
-        ("points, constant", &Shape::Points, Interpolation::Constant, 1),
+        ("points, vertex", &PrimShape::Points, Interpolation::Vertex, 5),
+        ("points, constant", &PrimShape::Points, Interpolation::Constant, 1),
     ] {
         let at = |time: f64, by: f32, wide: f32| At {
             time,
@@ -211,7 +216,7 @@ fn a_curve_with_a_width_at_any_key_is_kept() {
         ..At::default()
     };
     let all = [at(0.0, [0.0; 3]), at(1.0, [0.0, 0.0, 1.0])];
-    let points = built(&moving(Shape::Points, Interpolation::Vertex, &all));
+    let points = built(&moving(PrimShape::Points, Interpolation::Vertex, &all));
     assert_eq!(points.triangles.len(), 1, "of three points one is seen later");
     assert_eq!((points.triangles[0].vertices[2], points.keys.vertices[0][2]), ([0.0; 3], [0.5, 0.5, 0.0]), "it grows");
     let tube = curves(CurveBasis::Linear, CurveWrap::Nonperiodic, &[3]);
@@ -224,7 +229,7 @@ fn a_curve_with_a_width_at_any_key_is_kept() {
 fn widths_between_samples_and_outside_the_shutter() {
     let at = |time: f64, width: f32| At { time, points: vec![[0.0; 3]], widths: Some(vec![width]), ..At::default() };
     let all = [at(-1.0, 1.0), at(0.5, 4.0), at(1.5, 8.0)];
-    let asset = built(&moving(Shape::Points, Interpolation::Vertex, &all));
+    let asset = built(&moving(PrimShape::Points, Interpolation::Vertex, &all));
     let radii: Vec<f32> = keys(&asset).iter().map(|(vertices, _)| vertices[0][2][0]).collect();
     assert_eq!((radii, asset.keys.times), (vec![1.5, 2.0, 3.0], vec![0.0, 0.5, 1.0]), "clipped to the shutter");
 }
@@ -241,7 +246,7 @@ fn invalid_widths_give_one_note() {
         ("negative", Some(vec![1.0, 1.0, -1.0, 1.0, 1.0])),
         ("huge", Some(vec![1.0, 1.0, 1e38, 1.0, 1.0])),
     ] {
-        for shape in [Shape::Points, curves(CurveBasis::Linear, CurveWrap::Nonperiodic, &[5])] {
+        for shape in [PrimShape::Points, curves(CurveBasis::Linear, CurveWrap::Nonperiodic, &[5])] {
             let desc = moving(shape, Interpolation::Vertex, &[at(0.0, good()), at(1.0, later.clone())]);
             let built = build_mesh(&desc, 1);
             assert!(built.notes.len() == 1 && built.notes[0].contains("widths"), "{what}: {:?}", built.notes);
@@ -251,7 +256,7 @@ fn invalid_widths_give_one_note() {
     }
     // A point without a usable width is dropped, whatever its width is later.
     let bad = || Some(vec![f32::NAN, 1.0, 1.0, 1.0, 1.0]);
-    let desc = moving(Shape::Points, Interpolation::Vertex, &[at(0.0, bad()), at(1.0, bad())]);
+    let desc = moving(PrimShape::Points, Interpolation::Vertex, &[at(0.0, bad()), at(1.0, bad())]);
     let built = build_mesh(&desc, 1);
     assert_eq!((built.notes.len(), built.dropped.points), (0, 1), "{:?}", built.notes);
 }
@@ -259,7 +264,7 @@ fn invalid_widths_give_one_note() {
 #[test]
 fn different_width_motion_gives_a_different_mesh_key() {
     let at = |time: f64, width: f32| At { time, points: bent(1.0), widths: Some(vec![width; 5]), ..At::default() };
-    let key = |all: &[At]| mesh_key(&moving(Shape::Points, Interpolation::Vertex, all));
+    let key = |all: &[At]| mesh_key(&moving(PrimShape::Points, Interpolation::Vertex, all));
     let keys = [key(&[at(0.0, 1.0), at(1.0, 1.0)]), key(&[at(0.0, 1.0), at(1.0, 2.0)]), key(&[at(0.0, 1.0)])];
     assert!((0..3).all(|i| (0..i).all(|j| keys[i] != keys[j])), "{keys:?}");
 }

@@ -6,8 +6,8 @@ use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 use oocpt_core::material::{Displacement, compile};
-use oocpt_core::mesh::{BuiltMesh, Demand, Dicing, build_mesh_with};
-use oocpt_core::texture::{HeightFiles, HeightImage, Heights, Layout, TextureRef};
+use oocpt_core::mesh::{BuildDemand, BuiltMesh, DicingRate, build_mesh_with};
+use oocpt_core::texture::{HeightCache, HeightFiles, HeightImage, TextureRef, TileLayout};
 use oocpt_core::{
     DroppedData, Interpolation, MaterialDesc, MeshAsset, MeshDesc, NamedPrimvar, ParamValue, Primvar, Subdivision,
     SubsetDesc, TypedArray, Wrap,
@@ -33,8 +33,8 @@ fn whole(number: f64) -> i64 {
 const SIZE: [u32; 2] = [64, 32];
 
 impl HeightImage for Picture {
-    fn layout(&self) -> Layout {
-        Layout::new(SIZE, 4).unwrap()
+    fn layout(&self) -> TileLayout {
+        TileLayout::new(SIZE, 4).unwrap()
     }
 
     fn wrap(&self) -> Option<[Wrap; 2]> {
@@ -114,9 +114,10 @@ pub(crate) fn build(desc: &MeshDesc, material: &MaterialDesc, pieces: f64) -> Bu
 
 /// Edges of one unit are cut into so many pieces.
 pub(crate) fn build_by_slot(desc: &MeshDesc, displacements: &[Option<Arc<Displacement>>], pieces: f64) -> BuiltMesh {
-    let dicing = Dicing { pixels: 1.0, density: pieces, ..Dicing::default() };
-    let heights = Heights::new(Some(Arc::new(Files)));
-    let demand = Demand { dicing: Some(&dicing), displacements, heights: Some(&heights), ..Demand::default() };
+    let dicing = DicingRate { pixels: 1.0, density: pieces, ..DicingRate::default() };
+    let heights = HeightCache::new(Some(Arc::new(Files)));
+    let demand =
+        BuildDemand { dicing: Some(&dicing), displacements, heights: Some(&heights), ..BuildDemand::default() };
     build_mesh_with(desc, &demand, 1, u64::MAX, u64::MAX)
 }
 
@@ -125,7 +126,10 @@ pub(crate) fn asset(built: &BuiltMesh) -> &MeshAsset {
     built.asset.as_ref().unwrap()
 }
 
-fn primvar<T: oocpt_core::array::Element + std::fmt::Debug>(interpolation: Interpolation, values: Vec<T>) -> Primvar {
+fn primvar<T: oocpt_core::array::ArrayElement + std::fmt::Debug>(
+    interpolation: Interpolation,
+    values: Vec<T>,
+) -> Primvar {
     Primvar { interpolation, values: TypedArray::of(values), indices: None }
 }
 
@@ -320,16 +324,20 @@ fn displaced_faces_stay_watertight_at_texture_and_normal_seams() {
         assert!(edge * 6 == asset.triangles.len(), "each face has its own");
     }
     // A different rate at every edge.
-    let dicing = Dicing {
+    let dicing = DicingRate {
         pixels: 1.0,
         density: 1.0,
         focal: 30.0,
-        eyes: vec![oocpt_core::mesh::Eye { position: DVec3::new(1.5, 2.0, 1.2), nearest: 0.1 }],
+        eyes: vec![oocpt_core::mesh::CameraEye { position: DVec3::new(1.5, 2.0, 1.2), nearest: 0.1 }],
     };
-    let heights = Heights::new(Some(Arc::new(Files)));
+    let heights = HeightCache::new(Some(Arc::new(Files)));
     let displacements = [Some(displacement(&textured("waves", "r", &wraps("clamp"), &[])))];
-    let demand =
-        Demand { dicing: Some(&dicing), displacements: &displacements, heights: Some(&heights), ..Demand::default() };
+    let demand = BuildDemand {
+        dicing: Some(&dicing),
+        displacements: &displacements,
+        heights: Some(&heights),
+        ..BuildDemand::default()
+    };
     let built = build_mesh_with(&cube(Subdivision::None), &demand, 1, u64::MAX, u64::MAX);
     assert_eq!(open_edges(asset(&built)), 0, "rates that differ from edge to edge");
 }

@@ -4,7 +4,7 @@
 
 use std::sync::Arc;
 
-use oocpt_core::scene::Commit;
+use oocpt_core::scene::SceneCommit;
 use oocpt_core::{PartitionOptions, SceneDb};
 
 use super::store::{Files, content};
@@ -33,7 +33,7 @@ fn within(room_mib: u64, budget_mib: u64, files: &Arc<Files>) -> SceneDb {
 }
 
 /// Commits on so many threads that they would take more than there is.
-fn commit(db: &mut SceneDb) -> Commit {
+fn commit(db: &mut SceneDb) -> SceneCommit {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(16).build().expect("threads");
     pool.install(|| db.commit())
 }

@@ -76,7 +76,7 @@ fn a_third_set_of_coordinates_is_left_out() {
     assert!(made.problem().expect("said").contains("Ptex"), "which one");
     let material = made.material.expect("understood");
     assert!(!material.flags.contains(MaterialFlags::PTEX) && material.uv_sets.len() == 2);
-    assert!(matches!(material.input(MaterialInput::SpecularColor), oocpt_core::material::Input::Constant(_)));
+    assert!(matches!(material.input(MaterialInput::SpecularColor), oocpt_core::material::InputValue::Constant(_)));
 }
 
 #[test]

@@ -4,7 +4,7 @@
 use glam::{DVec3, Vec3};
 use oocpt_abi::AttributeRate;
 use oocpt_core::desc::{FaceVaryingLinear, SubdivisionTags};
-use oocpt_core::mesh::{BuiltMesh, Demand, Dicing, Eye, WantedPrimvar, build_mesh_with};
+use oocpt_core::mesh::{BuildDemand, BuiltMesh, CameraEye, DicingRate, WantedPrimvar, build_mesh_with};
 use oocpt_core::{
     AnyAttribute, DroppedData, Interpolation, MeshAsset, MeshDesc, NamedPrimvar, Primvar, Subdivision, SubsetDesc,
     TypedArray,
@@ -27,11 +27,11 @@ fn cube() -> MeshDesc {
 }
 
 fn build(desc: &MeshDesc) -> BuiltMesh {
-    build_with(desc, &[], &Dicing::default())
+    build_with(desc, &[], &DicingRate::default())
 }
 
-fn build_with(desc: &MeshDesc, wanted: &[WantedPrimvar], dicing: &Dicing) -> BuiltMesh {
-    let demand = Demand { wanted, dicing: Some(dicing), ..Demand::default() };
+fn build_with(desc: &MeshDesc, wanted: &[WantedPrimvar], dicing: &DicingRate) -> BuiltMesh {
+    let demand = BuildDemand { wanted, dicing: Some(dicing), ..BuildDemand::default() };
     build_mesh_with(desc, &demand, 1, u64::MAX, u64::MAX)
 }
 
@@ -40,7 +40,10 @@ fn asset(built: BuiltMesh) -> MeshAsset {
     (*built.asset.unwrap()).clone()
 }
 
-fn primvar<T: oocpt_core::array::Element + std::fmt::Debug>(interpolation: Interpolation, values: Vec<T>) -> Primvar {
+fn primvar<T: oocpt_core::array::ArrayElement + std::fmt::Debug>(
+    interpolation: Interpolation,
+    values: Vec<T>,
+) -> Primvar {
     Primvar { interpolation, values: TypedArray::of(values), indices: None }
 }
 
@@ -119,7 +122,7 @@ fn vertex_and_face_varying_values_are_refined() {
     let wanted = ["smooth", "linear", "corner"];
     let wanted: Vec<WantedPrimvar> =
         wanted.iter().zip(7..).map(|(name, id)| WantedPrimvar { name: (*name).into(), id }).collect();
-    let asset = asset(build_with(&desc, &wanted, &Dicing::default()));
+    let asset = asset(build_with(&desc, &wanted, &DicingRate::default()));
     let values = |id: u32| match &asset.primvars.iter().find(|primvar| primvar.id == id).unwrap().values {
         AnyAttribute::Three(values) => values.clone(),
         other => panic!("{other:?} has three floats"),
@@ -214,18 +217,18 @@ fn a_mesh_that_cannot_be_refined_stays_polygonal_and_is_counted() {
 
 #[test]
 fn edge_rates_follow_projected_edge_length() {
-    let near = |distance: f64| Eye { position: DVec3::new(0.0, 0.0, 1.0 + distance), nearest: 0.01 };
-    let dicing = |eyes| Dicing { pixels: 2.0, density: 1.0, focal: 100.0, eyes };
+    let near = |distance: f64| CameraEye { position: DVec3::new(0.0, 0.0, 1.0 + distance), nearest: 0.01 };
+    let dicing = |eyes| DicingRate { pixels: 2.0, density: 1.0, focal: 100.0, eyes };
     let (a, b) = (DVec3::new(-1.0, 0.0, 1.0), DVec3::new(1.0, 0.0, 1.0));
-    let pieces = |dicing: &Dicing| dicing.pieces(a, b, 1);
+    let pieces = |dicing: &DicingRate| dicing.pieces(a, b, 1);
     // Two units: 2 pixels without an eye; at distance 10 they cover 20 pixels, ten pieces of two.
     assert_eq!(pieces(&dicing(vec![])), 1, "two pixels are one piece");
     assert_eq!(pieces(&dicing(vec![near(10.0)])), 10, "ten times two pixels");
     assert_eq!(pieces(&dicing(vec![near(10.0), near(5.0)])), 20, "the nearest counts");
     assert_eq!(pieces(&dicing(vec![near(1e-9)])), 256, "there is a largest number");
     assert_eq!(dicing(vec![]).pieces(a, b, 4), 4, "the level is the least");
-    assert_eq!(Dicing { pixels: 0.0, ..dicing(vec![near(5.0)]) }.pieces(a, b, 1), 1, "switched off");
-    let odd = dicing(vec![Eye { position: DVec3::new(0.3, 5.0, 2.7), nearest: 0.01 }]);
+    assert_eq!(DicingRate { pixels: 0.0, ..dicing(vec![near(5.0)]) }.pieces(a, b, 1), 1, "switched off");
+    let odd = dicing(vec![CameraEye { position: DVec3::new(0.3, 5.0, 2.7), nearest: 0.01 }]);
     assert_eq!(odd.pieces(a, b, 1), odd.pieces(b, a, 1), "both directions");
     let no_length = odd.pieces(a, a, 1);
     assert_eq!(no_length, 1, "an edge without length is one piece");

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-use oocpt_core::mesh::{MeshFiles, MeshSummary, Payload, PayloadError, StoredEntry};
+use oocpt_core::mesh::{MeshFiles, MeshSummary, PayloadError, PayloadSource, StoredEntry};
 use oocpt_core::{Interpolation, MeshDesc, NamedPrimvar, PartitionOptions, SceneDb, SceneMesh, Snapshot};
 
 use crate::scene::bindings::{bind, color};
@@ -33,7 +33,7 @@ pub(crate) struct Files {
 #[derive(Debug)]
 struct Bytes(Vec<u8>, Arc<AtomicBool>, Arc<AtomicUsize>);
 
-impl Payload for Bytes {
+impl PayloadSource for Bytes {
     fn size(&self) -> u64 {
         self.0.len() as u64
     }
@@ -64,9 +64,9 @@ impl Files {
         self.found.load(Ordering::Relaxed)
     }
 
-    fn payloads(&self, bytes: &[Vec<u8>]) -> Vec<Arc<dyn Payload>> {
+    fn payloads(&self, bytes: &[Vec<u8>]) -> Vec<Arc<dyn PayloadSource>> {
         let payload = |b: &Vec<u8>| Bytes(b.clone(), self.is_damaged.clone(), self.busy.clone());
-        bytes.iter().map(|b| Arc::new(payload(b)) as Arc<dyn Payload>).collect()
+        bytes.iter().map(|b| Arc::new(payload(b)) as Arc<dyn PayloadSource>).collect()
     }
 }
 
@@ -84,7 +84,7 @@ impl MeshFiles for Files {
         Some(StoredEntry { head: head.clone(), payloads: self.payloads(payloads) })
     }
 
-    fn add(&self, key: Option<u128>, head: &[u8], payloads: &[Vec<&[u8]>]) -> Option<Vec<Arc<dyn Payload>>> {
+    fn add(&self, key: Option<u128>, head: &[u8], payloads: &[Vec<&[u8]>]) -> Option<Vec<Arc<dyn PayloadSource>>> {
         if self.is_full {
             return None;
         }

@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use glam::{DMat3, DMat4, DVec3, DVec4};
-use oocpt_core::{InstanceRecord, PartitionOptions, SceneDb, Snapshot, Target, TypedArray, World};
+use oocpt_core::{InstanceRecord, InstanceTarget, PartitionOptions, PartitionedWorld, SceneDb, Snapshot, TypedArray};
 
 use crate::support::{Leaf, asset, by, committed, flatten, grid, scatter, triangle};
 
@@ -12,7 +12,7 @@ use crate::support::{Leaf, asset, by, committed, flatten, grid, scatter, triangl
 pub(crate) const SMALL: PartitionOptions = PartitionOptions { chunk_bytes: 16 << 10 };
 
 /// All records of a chunk.
-pub(crate) fn chunk_records(world: &World, chunk: usize) -> Vec<InstanceRecord> {
+pub(crate) fn chunk_records(world: &PartitionedWorld, chunk: usize) -> Vec<InstanceRecord> {
     let chunk = &world.chunks[chunk];
     let mut out = vec![InstanceRecord::default(); chunk.len()];
     chunk.encode(0..chunk.len(), &mut out);
@@ -43,13 +43,13 @@ fn below(snapshot: &Snapshot, record: &InstanceRecord, frame: DMat4, id: u32, le
     let world = frame * target_from_parent(record).inverse();
     let id = id.wrapping_mul(record.prototype_count).wrapping_add(record.index_in_prototype);
     match record.target {
-        Target::Mesh(m) => leaves.push(Leaf {
+        InstanceTarget::Mesh(m) => leaves.push(Leaf {
             mesh: asset(&snapshot.meshes[m as usize]),
             world,
             prim_id: record.prim_id,
             instance_id: i64::from(id),
         }),
-        Target::Assembly(a) => {
+        InstanceTarget::Assembly(a) => {
             for record in crate::support::records(snapshot, a as usize) {
                 below(snapshot, &record, world, id, leaves);
             }

@@ -6,7 +6,8 @@ use std::sync::Arc;
 
 use glam::{DMat4, DVec3};
 use oocpt_core::{
-    ElementType, InstanceRecord, InstancerDesc, MeshDesc, PartitionOptions, SceneDb, Snapshot, Target, TypedArray,
+    ElementType, InstanceRecord, InstanceTarget, InstancerDesc, MeshDesc, PartitionOptions, SceneDb, Snapshot,
+    TypedArray,
 };
 use proptest::prelude::*;
 
@@ -20,8 +21,8 @@ const ITEM: u64 = 24;
 fn comparable(snapshot: &Snapshot, record: &InstanceRecord) -> (Vec<u32>, u128, Vec<u32>) {
     let floats = record.object_from_parent.as_flattened().iter().chain(record.bounds.as_flattened());
     let target = match record.target {
-        Target::Mesh(m) => snapshot.meshes[m as usize].key,
-        Target::Assembly(a) => u128::from(a),
+        InstanceTarget::Mesh(m) => snapshot.meshes[m as usize].key,
+        InstanceTarget::Assembly(a) => u128::from(a),
     };
     let rest = [record.prim_id.cast_unsigned(), record.index_in_prototype, record.prototype_count, record.flags.bits()];
     (floats.map(|v| v.to_bits()).collect(), target, rest.to_vec())

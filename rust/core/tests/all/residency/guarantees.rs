@@ -2,7 +2,7 @@
 //! What holds whatever the rays ask, the loads do and the budget becomes.
 
 use super::witness::{Witness, budget_of, catalogs, kinds};
-use oocpt_core::residency::{Command, Demand, PolicyKind};
+use oocpt_core::residency::{PolicyKind, RayDemand, ResidencyCommand};
 use proptest::prelude::*;
 use std::sync::Arc;
 
@@ -48,7 +48,7 @@ enum Weather {
     Rough,
 }
 
-fn play(witness: &mut Witness, events: &[Event], weather: Weather) -> Vec<Command> {
+fn play(witness: &mut Witness, events: &[Event], weather: Weather) -> Vec<ResidencyCommand> {
     play_asked(witness, events, weather, |_| None)
 }
 
@@ -58,7 +58,7 @@ fn play_asked(
     events: &[Event],
     weather: Weather,
     asked: impl Fn(&Event) -> Option<Vec<u32>>,
-) -> Vec<Command> {
+) -> Vec<ResidencyCommand> {
     for event in events {
         let loading: Vec<u32> = witness.loading.keys().copied().collect();
         for (unit, end) in loading.into_iter().zip(event.ends.iter().cycle()) {
@@ -74,7 +74,14 @@ fn play_asked(
         }
         let Event { waiting, next, visits, active, .. } = event;
         let asked = asked(event);
-        witness.step(&Demand { waiting, next, visits, active: *active, asked: asked.as_deref(), ..Demand::default() });
+        witness.step(&RayDemand {
+            waiting,
+            next,
+            visits,
+            active: *active,
+            asked: asked.as_deref(),
+            ..RayDemand::default()
+        });
     }
     witness.commands.clone()
 }
@@ -136,7 +143,7 @@ proptest! {
             let Event { waiting, next, .. } = &event;
             let loading: Vec<u32> = witness.loading.keys().copied().collect();
             loading.into_iter().take(1).for_each(|unit| witness.loaded(unit));
-            witness.step(&Demand { waiting, next, active: u64::MAX, ..Demand::default() });
+            witness.step(&RayDemand { waiting, next, active: u64::MAX, ..RayDemand::default() });
             let sizes = || witness.loading.values().map(|assets| witness.bytes(assets));
             // A share for demanded loads, a quarter of it for prefetches; each may be one load however large.
             let largest = sizes().max().unwrap_or(0);
@@ -172,8 +179,8 @@ fn a_catalog_of_four_million_units_plans() {
         let mut witness = super::decisions::planner(&Arc::clone(&catalog), 1_000_000, kind);
         let mut waiting = vec![0; count as usize];
         waiting[3_999_999] = 7;
-        let demand = Demand { waiting: &waiting, active: 9, ..Demand::default() };
-        let expected = Command::Load { unit: 3_999_999, assets: vec![3_999_999, count + 999] };
+        let demand = RayDemand { waiting: &waiting, active: 9, ..RayDemand::default() };
+        let expected = ResidencyCommand::Load { unit: 3_999_999, assets: vec![3_999_999, count + 999] };
         assert_eq!(witness.step(&demand), [expected], "{kind}");
     }
 }

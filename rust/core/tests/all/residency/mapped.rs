@@ -1,27 +1,27 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Units that rays read in host memory come to the device for their visits alone.
 
-use oocpt_core::residency::{Catalog, Command, Demand, Planner, PlannerOptions, PolicyKind};
+use oocpt_core::residency::{PlannerOptions, PolicyKind, RayDemand, ResidencyCommand, ResidencyPlanner, UnitCatalog};
 use std::sync::Arc;
 
 /// Four units of ten bytes.
-fn planner(budget: u64, kind: PolicyKind) -> Planner {
-    let catalog = Catalog::new(vec![10; 4], [vec![0], vec![1], vec![2], vec![3]]).expect("a good catalog");
+fn planner(budget: u64, kind: PolicyKind) -> ResidencyPlanner {
+    let catalog = UnitCatalog::new(vec![10; 4], [vec![0], vec![1], vec![2], vec![3]]).expect("a good catalog");
     let options = PlannerOptions { in_flight_bytes: 1000, ..PlannerOptions::default() };
-    Planner::with_policy(Arc::new(catalog), budget, kind.policy(), options).expect("they fit")
+    ResidencyPlanner::with_policy(Arc::new(catalog), budget, kind.policy(), options).expect("they fit")
 }
 
 /// Units that a step loads, which come at once, and that it evicts.
-fn step(planner: &mut Planner, visits: &[u32], mapped: &[bool]) -> (Vec<u32>, Vec<u32>) {
-    step_of(planner, &Demand { visits, mapped, active: 1000, ..Demand::default() })
+fn step(planner: &mut ResidencyPlanner, visits: &[u32], mapped: &[bool]) -> (Vec<u32>, Vec<u32>) {
+    step_of(planner, &RayDemand { visits, mapped, active: 1000, ..RayDemand::default() })
 }
 
-fn step_of(planner: &mut Planner, demand: &Demand<'_>) -> (Vec<u32>, Vec<u32>) {
+fn step_of(planner: &mut ResidencyPlanner, demand: &RayDemand<'_>) -> (Vec<u32>, Vec<u32>) {
     let (mut loaded, mut evicted) = (Vec::new(), Vec::new());
     for command in planner.step(demand) {
         match command {
-            Command::Load { unit, .. } => loaded.push(unit),
-            Command::Evict { unit, .. } => evicted.push(unit),
+            ResidencyCommand::Load { unit, .. } => loaded.push(unit),
+            ResidencyCommand::Evict { unit, .. } => evicted.push(unit),
         }
     }
     loaded.iter().for_each(|unit| planner.loaded(*unit));
@@ -65,8 +65,8 @@ fn unmapped_or_unvisited_units_are_not_moved() {
 #[test]
 fn few_visits_displace_nothing() {
     let bytes = 16 << 20;
-    let catalog = Catalog::new(vec![bytes; 2], [vec![0], vec![1]]).expect("a good catalog");
-    let mut planner = Planner::new(Arc::new(catalog), bytes, PolicyKind::Benefit).expect("it fits");
+    let catalog = UnitCatalog::new(vec![bytes; 2], [vec![0], vec![1]]).expect("a good catalog");
+    let mut planner = ResidencyPlanner::new(Arc::new(catalog), bytes, PolicyKind::Benefit).expect("it fits");
     assert_eq!(step(&mut planner, &[0, 1], &[true; 2]), (vec![1], vec![]), "one visit fills free memory");
     for _ in 0..1000 {
         assert_eq!(step(&mut planner, &[600], &[true; 2]), (vec![], vec![]), "14 400 lately, 1 KiB each");
@@ -90,12 +90,17 @@ fn waiting_rays_take_precedence_over_visits() {
     let mut loads = Vec::new();
     for waiting in [10_000, 0] {
         // What rays wait for does not come.
-        let demand =
-            Demand { visits: &visits, mapped: &mapped, waiting: &[0, 0, 0, waiting], active: 5, ..Demand::default() };
+        let demand = RayDemand {
+            visits: &visits,
+            mapped: &mapped,
+            waiting: &[0, 0, 0, waiting],
+            active: 5,
+            ..RayDemand::default()
+        };
         let commands = (0..20).flat_map(|_| planner.step(&demand)).collect::<Vec<_>>();
         loads.extend(commands.into_iter().filter_map(|command| match command {
-            Command::Load { unit, .. } => Some((unit, waiting)),
-            Command::Evict { .. } => None,
+            ResidencyCommand::Load { unit, .. } => Some((unit, waiting)),
+            ResidencyCommand::Evict { .. } => None,
         }));
     }
     assert_eq!(loads, [(3, 10_000), (2, 0)]);
@@ -105,7 +110,7 @@ fn waiting_rays_take_precedence_over_visits() {
 #[test]
 fn units_with_little_demand_load_only_into_free_space() {
     let waiting = [1000, 1, 0, 2];
-    let demand = Demand { waiting: &waiting, active: 100_000, ..Demand::default() };
+    let demand = RayDemand { waiting: &waiting, active: 100_000, ..RayDemand::default() };
     for (budget, expected) in [(30, vec![0, 3, 1]), (29, vec![0, 3])] {
         let mut planner = planner(budget, PolicyKind::Benefit);
         assert_eq!(step_of(&mut planner, &demand), (expected, vec![]), "{budget}");
@@ -117,41 +122,44 @@ fn units_with_little_demand_load_only_into_free_space() {
 #[test]
 fn unmapped_units_stay_resident_for_rays_that_do_not_wait() {
     let mut planner = planner(20, PolicyKind::Benefit);
-    assert_eq!(step_of(&mut planner, &Demand { waiting: &[1, 1, 0, 0], ..Demand::default() }), (vec![0, 1], vec![]));
-    let kept = Demand { mapped: &[false, true], keep_below: 2, ..Demand::default() };
+    assert_eq!(
+        step_of(&mut planner, &RayDemand { waiting: &[1, 1, 0, 0], ..RayDemand::default() }),
+        (vec![0, 1], vec![])
+    );
+    let kept = RayDemand { mapped: &[false, true], keep_below: 2, ..RayDemand::default() };
     let mut seen = Vec::new();
     for waiting in [[0, 0, 9, 0], [0, 0, 0, 9], [0, 0, 9, 0]] {
         for _ in 0..20 {
-            let (loaded, evicted) = step_of(&mut planner, &Demand { waiting: &waiting, ..kept });
+            let (loaded, evicted) = step_of(&mut planner, &RayDemand { waiting: &waiting, ..kept });
             seen.extend(loaded.into_iter().zip(evicted));
         }
     }
     assert_eq!(seen, [(2, 1), (3, 2), (2, 3)], "the mapped chunk goes, then tiles for each other");
     for _ in 0..20 {
-        let visited = Demand { visits: &[0, 9_000_000], active: 1000, ..kept };
+        let visited = RayDemand { visits: &[0, 9_000_000], active: 1000, ..kept };
         assert_eq!(step_of(&mut planner, &visited), (vec![], vec![]), "tiles keep the room of what is only visited");
     }
 }
 
 /// A chunk and a mesh of ten bytes, and six tiles of two. Nobody counts the visits of tiles.
-fn with_tiles(budget: u64, first_tile: Option<u32>) -> Planner {
+fn with_tiles(budget: u64, first_tile: Option<u32>) -> ResidencyPlanner {
     let bytes = [vec![10; 2], vec![2; 6]].concat();
-    let catalog = Catalog::new(bytes, (0..8).map(|asset| vec![asset])).expect("a good catalog");
+    let catalog = UnitCatalog::new(bytes, (0..8).map(|asset| vec![asset])).expect("a good catalog");
     let options = PlannerOptions { in_flight_bytes: 1000, first_tile, ..PlannerOptions::default() };
-    Planner::with_policy(Arc::new(catalog), budget, PolicyKind::Benefit.policy(), options).expect("they fit")
+    ResidencyPlanner::with_policy(Arc::new(catalog), budget, PolicyKind::Benefit.policy(), options).expect("they fit")
 }
 
 /// How many tiles are there after rays have waited for all six, two at a time, while others visit chunk and mesh,
 /// which are mapped.
-fn tiles_left(planner: &mut Planner) -> usize {
+fn tiles_left(planner: &mut ResidencyPlanner) -> usize {
     let mapped = [true, true, false, false, false, false, false, false];
     for tiles in [[2, 3], [4, 5], [6, 7]] {
         let mut waiting = [0; 8];
         tiles.iter().for_each(|tile| waiting[*tile] = 40_000_000);
-        let demand = Demand { waiting: &waiting, mapped: &mapped, active: 1 << 40, ..Demand::default() };
+        let demand = RayDemand { waiting: &waiting, mapped: &mapped, active: 1 << 40, ..RayDemand::default() };
         let _ = step_of(planner, &demand);
         for _ in 0..300 {
-            let demand = Demand { visits: &[9_000_000; 2], mapped: &mapped, active: 1000, ..Demand::default() };
+            let demand = RayDemand { visits: &[9_000_000; 2], mapped: &mapped, active: 1000, ..RayDemand::default() };
             let _ = step_of(planner, &demand);
         }
     }

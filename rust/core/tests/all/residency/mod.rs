@@ -8,4 +8,5 @@ mod mapped;
 mod pairs;
 mod policies;
 mod progress;
+mod simulate;
 mod witness;

@@ -3,7 +3,7 @@
 //! the budget holds no more than the two.
 
 use super::witness::{Witness, kinds};
-use oocpt_core::residency::{Catalog, Command, Demand, Planner, PolicyKind};
+use oocpt_core::residency::{PolicyKind, RayDemand, ResidencyCommand, ResidencyPlanner, UnitCatalog};
 use proptest::prelude::*;
 use std::sync::Arc;
 
@@ -29,10 +29,10 @@ fn cases() -> impl Strategy<Value = Case> {
 }
 
 impl Case {
-    fn catalog(&self) -> Arc<Catalog> {
+    fn catalog(&self) -> Arc<UnitCatalog> {
         let bytes: Vec<u64> = self.bases.iter().chain(&self.others).copied().collect();
         let units = 0..u32::try_from(bytes.len()).expect("few");
-        let catalog = Catalog::new(bytes, units.map(|unit| [unit])).expect("a good catalog");
+        let catalog = UnitCatalog::new(bytes, units.map(|unit| [unit])).expect("a good catalog");
         Arc::new(catalog.with_bases(self.bases.len()))
     }
 }
@@ -89,7 +89,7 @@ fn steps_to_the_end(case: &Case, witness: &mut Witness, latency: u32, most: u32)
             return Some(step);
         }
         let Waiting { rays: waiting, partners } = std::mem::replace(&mut seen, left);
-        witness.step(&Demand { waiting: &waiting, partners: &partners, active: 1_000_000, ..Demand::default() });
+        witness.step(&RayDemand { waiting: &waiting, partners: &partners, active: 1_000_000, ..RayDemand::default() });
         for &unit in witness.loading.keys() {
             if !coming.iter().any(|&(_, other)| other == unit) {
                 coming.push((step + latency, unit));
@@ -124,20 +124,21 @@ proptest! {
 #[test]
 fn the_partner_stays_while_a_unit_is_loaded() {
     for kind in PolicyKind::ALL {
-        let catalog = Catalog::new(vec![10; 3], [[0], [1], [2]]).expect("a good catalog").with_bases(2);
-        let mut planner = Planner::new(Arc::new(catalog), 20, kind).expect("they fit");
+        let catalog = UnitCatalog::new(vec![10; 3], [[0], [1], [2]]).expect("a good catalog").with_bases(2);
+        let mut planner = ResidencyPlanner::new(Arc::new(catalog), 20, kind).expect("they fit");
         assert!(planner.keep_resident(0) && planner.keep_resident(1), "{kind}: kept");
         for _ in 0..5 {
-            let _ = planner.step(&Demand::default());
+            let _ = planner.step(&RayDemand::default());
         }
         // Nobody waits for the first one as the planner sees it, and it was of use least lately.
-        let demand = Demand { waiting: &[0, 0, 9], partners: &[0, 0, 1], visits: &[0, 5], ..Demand::default() };
-        let commands = planner.step(&Demand { active: 0, ..demand });
-        let evicted: Vec<_> = commands.iter().filter(|command| matches!(command, Command::Evict { .. })).collect();
-        assert!(matches!(evicted[..], [Command::Evict { unit: 1, .. }]), "{kind}: {commands:?}");
+        let demand = RayDemand { waiting: &[0, 0, 9], partners: &[0, 0, 1], visits: &[0, 5], ..RayDemand::default() };
+        let commands = planner.step(&RayDemand { active: 0, ..demand });
+        let evicted: Vec<_> =
+            commands.iter().filter(|command| matches!(command, ResidencyCommand::Evict { .. })).collect();
+        assert!(matches!(evicted[..], [ResidencyCommand::Evict { unit: 1, .. }]), "{kind}: {commands:?}");
         planner.loaded(2);
-        let both = |planner: &Planner| planner.is_resident(0) && planner.is_resident(2);
-        let demand = Demand { waiting: &[0, 9, 0], active: 0, ..Demand::default() };
+        let both = |planner: &ResidencyPlanner| planner.is_resident(0) && planner.is_resident(2);
+        let demand = RayDemand { waiting: &[0, 9, 0], active: 0, ..RayDemand::default() };
         let steps = (1..9).find(|_| {
             let _ = planner.step(&demand);
             !both(&planner)
@@ -163,16 +164,17 @@ fn another_partner_takes_no_room_from_units_that_starve_together() {
 #[test]
 fn a_load_that_keeps_failing_ends_beside_its_partner_alone() {
     for kind in PolicyKind::ALL {
-        let catalog = Catalog::new(vec![40, 10, 10, 10], [[0], [1], [2], [3]]).expect("a good catalog").with_bases(2);
-        let mut planner = Planner::new(Arc::new(catalog), 60, kind).expect("they fit");
+        let catalog =
+            UnitCatalog::new(vec![40, 10, 10, 10], [[0], [1], [2], [3]]).expect("a good catalog").with_bases(2);
+        let mut planner = ResidencyPlanner::new(Arc::new(catalog), 60, kind).expect("they fit");
         assert!(planner.keep_resident(1) && planner.keep_resident(2), "{kind}: kept");
         let ended = (0..1000).any(|_| {
-            let demand = Demand { waiting: &[0, 1, 0, 1], partners: &[0, 4, 0, 2], ..Demand::default() };
+            let demand = RayDemand { waiting: &[0, 1, 0, 1], partners: &[0, 4, 0, 2], ..RayDemand::default() };
             for command in planner.step(&demand) {
                 match command {
-                    Command::Load { unit: 3, .. } if planner.is_resident(2) => planner.failed(3),
-                    Command::Load { unit, .. } => planner.loaded(unit),
-                    Command::Evict { .. } => {}
+                    ResidencyCommand::Load { unit: 3, .. } if planner.is_resident(2) => planner.failed(3),
+                    ResidencyCommand::Load { unit, .. } => planner.loaded(unit),
+                    ResidencyCommand::Evict { .. } => {}
                 }
             }
             planner.is_resident(1) && planner.is_resident(3)

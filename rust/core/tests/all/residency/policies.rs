@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The policies on the simulated device.
 
+use super::simulate::{Device, SceneOptions, Workload, run};
 use oocpt_core::residency::PolicyKind;
-use oocpt_core::residency::simulate::{Device, SceneOptions, Workload, run};
 
 fn workload() -> Workload {
     Workload::new(SceneOptions { side: 12, paths: 2048, ..SceneOptions::default() }).expect("a good scene")

@@ -3,7 +3,7 @@
 
 use super::decisions::{catalog_of, planner};
 use super::witness::{Witness, budget_of, catalogs, kinds};
-use oocpt_core::residency::{Catalog, Command, Demand, PolicyKind};
+use oocpt_core::residency::{PolicyKind, RayDemand, ResidencyCommand, UnitCatalog};
 use proptest::prelude::*;
 use std::sync::Arc;
 
@@ -25,13 +25,13 @@ fn first_resident(witness: &mut Witness, demand: &[Vec<u32>], latency: u32, step
         let rays = |unit: usize| 1 + waiting.get(unit).copied().unwrap_or(0);
         let waiting: Vec<u32> = (0..count).map(|unit| if absent(unit) { rays(unit) } else { 0 }).collect();
         let visits: Vec<u32> = (0..count).map(|unit| if absent(unit) { 0 } else { rays(unit) }).collect();
-        witness.step(&Demand {
+        witness.step(&RayDemand {
             waiting: &waiting,
             next: &[],
             visits: &visits,
             active: 1_000_000_000,
             asked: None,
-            ..Demand::default()
+            ..RayDemand::default()
         });
         for &unit in witness.loading.keys() {
             if !ready.iter().any(|&(_, other)| other == unit) {
@@ -76,7 +76,7 @@ proptest! {
             if waiting.iter().all(|&rays| rays == 0) {
                 break;
             }
-            witness.step(&Demand { waiting: &waiting, active: 1, ..Demand::default() });
+            witness.step(&RayDemand { waiting: &waiting, active: 1, ..RayDemand::default() });
             let loading: Vec<u32> = witness.loading.keys().copied().collect();
             for unit in loading {
                 // Held bytes are counted at the end of the list; what fits then has fitted.
@@ -99,16 +99,16 @@ fn swaps(kind: PolicyKind, steps: u32) -> u64 {
     for _ in 0..steps {
         let rays = |here: bool| (0..2).map(|unit| u32::from(planner.is_resident(unit) == here) * 100).collect();
         let (waiting, visits): (Vec<u32>, Vec<u32>) = (rays(false), rays(true));
-        let commands = planner.step(&Demand {
+        let commands = planner.step(&RayDemand {
             waiting: &waiting,
             next: &[],
             visits: &visits,
             active: 1000,
             asked: None,
-            ..Demand::default()
+            ..RayDemand::default()
         });
         for command in commands {
-            if let Command::Load { unit, .. } = command {
+            if let ResidencyCommand::Load { unit, .. } = command {
                 planner.loaded(unit);
             }
         }
@@ -133,10 +133,10 @@ fn an_idle_device_always_loads_something() {
         let mut planner = planner(&catalog_of(2, |unit| vec![unit], 0), 1, kind);
         assert!(planner.keep_resident(0), "{kind}: kept");
         let visits = [1_000_000];
-        let busy = Demand { waiting: &[0, 1], visits: &visits, active: 1000, ..Demand::default() };
+        let busy = RayDemand { waiting: &[0, 1], visits: &visits, active: 1000, ..RayDemand::default() };
         planner.step(&busy);
         planner.step(&busy);
-        let idle = Demand { active: 0, ..busy };
+        let idle = RayDemand { active: 0, ..busy };
         assert!(kind == PolicyKind::Sweep || planner.step(&busy).is_empty(), "{kind}: not worth it");
         assert!(kind == PolicyKind::Sweep || !planner.step(&idle).is_empty(), "{kind}: progress");
     }
@@ -145,16 +145,20 @@ fn an_idle_device_always_loads_something() {
 #[test]
 fn assets_shared_by_a_failed_load_and_an_evicted_unit_are_freed() {
     // Units 0 and 1 share asset 2, unit 1 is loading when 0 is thrown out by a lower budget, then fails.
-    let catalog = Arc::new(Catalog::new(vec![10, 10, 10], [vec![0, 2], vec![1, 2]]).expect("a good catalog"));
+    let catalog = Arc::new(UnitCatalog::new(vec![10, 10, 10], [vec![0, 2], vec![1, 2]]).expect("a good catalog"));
     let mut planner = planner(&catalog, 30, PolicyKind::Benefit);
     assert!(planner.keep_resident(0), "kept");
     let waiting = [0, 5];
-    let demand = Demand { waiting: &waiting, active: 1, ..Demand::default() };
-    assert_eq!(planner.step(&demand), [Command::Load { unit: 1, assets: vec![1] }], "the shared asset is there");
+    let demand = RayDemand { waiting: &waiting, active: 1, ..RayDemand::default() };
+    assert_eq!(
+        planner.step(&demand),
+        [ResidencyCommand::Load { unit: 1, assets: vec![1] }],
+        "the shared asset is there"
+    );
     planner.set_budget(20).expect("one unit fits");
-    assert_eq!(planner.step(&demand), [Command::Evict { unit: 0, assets: vec![0] }], "over the budget");
+    assert_eq!(planner.step(&demand), [ResidencyCommand::Evict { unit: 0, assets: vec![0] }], "over the budget");
     planner.failed(1);
     assert_eq!(planner.stats().bytes_held, 0, "nothing of it is held");
-    let dropped = Command::Evict { unit: 1, assets: vec![2] };
+    let dropped = ResidencyCommand::Evict { unit: 1, assets: vec![2] };
     assert_eq!(planner.step(&demand).first(), Some(&dropped), "the caller frees what was shared");
 }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Keeps the books of a device beside a planner, from its commands alone, and checks every one of them.
 
-use oocpt_core::residency::{Catalog, Command, Demand, Planner, PlannerOptions, PolicyKind};
+use oocpt_core::residency::{PlannerOptions, PolicyKind, RayDemand, ResidencyCommand, ResidencyPlanner, UnitCatalog};
 use proptest::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -10,7 +10,7 @@ use std::sync::Arc;
 const PIN_STEPS: u32 = 2;
 
 pub(crate) struct Witness {
-    pub(crate) planner: Planner,
+    pub(crate) planner: ResidencyPlanner,
     pub(crate) budget: u64,
     pub(crate) step: u32,
     /// Units that are loading, with what their loads bring.
@@ -19,16 +19,16 @@ pub(crate) struct Witness {
     pub(crate) resident: BTreeMap<u32, (u32, bool)>,
     /// Assets on the device or on their way.
     pub(crate) held: BTreeSet<u32>,
-    pub(crate) commands: Vec<Command>,
+    pub(crate) commands: Vec<ResidencyCommand>,
     /// A load failed or the budget was lowered: evictions may look early from here on.
     pub(crate) disturbed: bool,
     asked: BTreeSet<u32>,
 }
 
 impl Witness {
-    pub(crate) fn new(catalog: &Arc<Catalog>, budget: u64, kind: PolicyKind, in_flight_bytes: u64) -> Self {
+    pub(crate) fn new(catalog: &Arc<UnitCatalog>, budget: u64, kind: PolicyKind, in_flight_bytes: u64) -> Self {
         let options = PlannerOptions { in_flight_bytes, ..PlannerOptions::default() };
-        let planner = Planner::with_policy(catalog.clone(), budget, kind.policy(), options);
+        let planner = ResidencyPlanner::with_policy(catalog.clone(), budget, kind.policy(), options);
         Self {
             planner: planner.expect("the budget fits the largest unit"),
             budget,
@@ -60,16 +60,16 @@ impl Witness {
     }
 
     /// One step of the planner; every command is checked as it is carried out.
-    pub(crate) fn step(&mut self, demand: &Demand<'_>) {
+    pub(crate) fn step(&mut self, demand: &RayDemand<'_>) {
         self.step += 1;
         let commands = self.planner.step(demand);
         let mut evicted_bytes = 0;
         for (place, command) in commands.iter().enumerate() {
             match command {
-                Command::Evict { unit, assets } => {
+                ResidencyCommand::Evict { unit, assets } => {
                     let successor = commands[place..].iter().find_map(|command| match command {
-                        Command::Load { unit, .. } => Some(unit),
-                        Command::Evict { .. } => None,
+                        ResidencyCommand::Load { unit, .. } => Some(unit),
+                        ResidencyCommand::Evict { .. } => None,
                     });
                     let resident = self.resident.contains_key(unit);
                     // What a load that follows shares stays, what was thrown out for another reason comes back with
@@ -85,7 +85,7 @@ impl Witness {
                     self.resident.remove(unit);
                     self.held.retain(|asset| !assets.contains(asset));
                 }
-                Command::Load { unit, assets } => {
+                ResidencyCommand::Load { unit, assets } => {
                     self.check_load(*unit, assets, demand, &mut evicted_bytes);
                 }
             }
@@ -97,7 +97,7 @@ impl Witness {
         self.commands.extend(commands);
     }
 
-    fn check_pin(&self, unit: u32, demand: &Demand<'_>) {
+    fn check_pin(&self, unit: u32, demand: &RayDemand<'_>) {
         if let Some(&(since, demanded)) = self.resident.get(&unit)
             && !self.disturbed
         {
@@ -106,7 +106,7 @@ impl Witness {
         }
     }
 
-    fn check_load(&mut self, unit: u32, assets: &[u32], demand: &Demand<'_>, evicted: &mut u64) {
+    fn check_load(&mut self, unit: u32, assets: &[u32], demand: &RayDemand<'_>, evicted: &mut u64) {
         assert!(!self.resident.contains_key(&unit), "unit {unit} is loaded twice");
         let in_flight: BTreeSet<u32> = self.loading.values().flatten().copied().collect();
         let all = self.planner.catalog().assets(unit).to_vec();
@@ -157,7 +157,7 @@ impl Witness {
 }
 
 /// Catalogs of a few units that share meshes.
-pub(crate) fn catalogs() -> impl Strategy<Value = Arc<Catalog>> {
+pub(crate) fn catalogs() -> impl Strategy<Value = Arc<UnitCatalog>> {
     let meshes = prop::collection::vec(0_u64..200, 1..6);
     let blocks = prop::collection::vec((1_u64..100, prop::collection::vec(0_usize..6, 0..4)), 1..10);
     (meshes, blocks).prop_map(|(meshes, blocks)| {
@@ -168,12 +168,12 @@ pub(crate) fn catalogs() -> impl Strategy<Value = Arc<Catalog>> {
             let used = used.iter().map(|mesh| count + u32::try_from(mesh % meshes.len()).expect("few"));
             std::iter::once(unit).chain(used).collect::<Vec<u32>>()
         };
-        Arc::new(Catalog::new(bytes, (0..).zip(&blocks).map(row)).expect("a good catalog"))
+        Arc::new(UnitCatalog::new(bytes, (0..).zip(&blocks).map(row)).expect("a good catalog"))
     })
 }
 
 /// A budget between one unit (`0`) and everything (`100`).
-pub(crate) fn budget_of(catalog: &Catalog, percent: u64) -> u64 {
+pub(crate) fn budget_of(catalog: &UnitCatalog, percent: u64) -> u64 {
     let least = catalog.least_budget();
     least + catalog.total_bytes().saturating_sub(least) * percent / 100
 }

@@ -71,7 +71,7 @@ fn shown(snapshot: &Snapshot, mesh: &MeshAsset, prim_id: i32) -> Vec<(u32, f32)>
             let slot = slots.get(usize::from(subset)).copied().unwrap_or(NO_MATERIAL);
             let value =
                 snapshot.surfaces.materials.get(slot as usize).map_or(-1.0, |material| match material.inputs[0] {
-                    oocpt_core::Input::Constant([value, ..]) => value,
+                    oocpt_core::InputValue::Constant([value, ..]) => value,
                     _ => f32::NAN,
                 });
             (mesh.triangles[t].face, value)

@@ -2,10 +2,10 @@
 //! Meshes that are lights by `MeshLightAPI`: what their materials become.
 
 use oocpt_abi::{MaterialFlags, MaterialInput};
-use oocpt_core::material::Input;
+use oocpt_core::material::InputValue;
 use oocpt_core::scene::{
     AssetRef, ConnectionDesc, MESH_LIGHT, MaterialDesc, MaterialSync, MeshDesc, NodeDesc, ParamDesc, ParamValue,
-    SceneDb, Shaping,
+    SceneDb, ShapingCone,
 };
 use oocpt_core::{LightDesc, LightKind, Material, PrimDesc, TypedArray};
 
@@ -74,10 +74,10 @@ fn dressed(light: LightDesc, material: Option<MaterialDesc>) -> (Arc<Material>, 
 
 fn emission(material: &Material) -> [f32; 3] {
     match material.input(MaterialInput::EmissiveColor) {
-        Input::Constant([r, g, b, _]) => [*r, *g, *b],
-        Input::Texture { scale: [r, g, b, _], .. } => [*r, *g, *b],
+        InputValue::Constant([r, g, b, _]) => [*r, *g, *b],
+        InputValue::Texture { scale: [r, g, b, _], .. } => [*r, *g, *b],
         // Equal to nothing.
-        Input::Primvar { .. } | Input::Register(_) => [f32::NAN; 3],
+        InputValue::Primvar { .. } | InputValue::Register(_) => [f32::NAN; 3],
     }
 }
 
@@ -94,14 +94,14 @@ fn mesh_light_material_sync_modes_are_applied() {
     ] {
         let (material, warnings) = dressed(light(sync), Some(material(emits, false)));
         assert_eq!(emission(&material), wanted, "{sync:?} over {emits:?}");
-        assert_eq!(*material.input(MaterialInput::Roughness), Input::Constant([roughness; 4]), "{sync:?}");
+        assert_eq!(*material.input(MaterialInput::Roughness), InputValue::Constant([roughness; 4]), "{sync:?}");
         assert!(material.flags.contains(MaterialFlags::EMISSIVE) && warnings.is_empty(), "{sync:?}: {warnings:?}");
     }
     let (material, _) = dressed(light(GlowTintsLight), None);
     assert_eq!(emission(&material), plain, "no material");
     assert_eq!(
         *material.input(MaterialInput::DiffuseColor),
-        Input::Constant([0.0, 0.0, 0.0, 1.0]),
+        InputValue::Constant([0.0, 0.0, 0.0, 1.0]),
         "it reflects nothing"
     );
 }
@@ -109,7 +109,7 @@ fn mesh_light_material_sync_modes_are_applied() {
 #[test]
 fn textured_emission_is_tinted_by_its_scale() {
     let (textured, warnings) = dressed(light(MaterialSync::GlowTintsLight), Some(material([0.5, 2.0, 4.0], true)));
-    assert!(matches!(textured.input(MaterialInput::EmissiveColor), Input::Texture { .. }), "still a texture");
+    assert!(matches!(textured.input(MaterialInput::EmissiveColor), InputValue::Texture { .. }), "still a texture");
     assert_eq!(emission(&textured), [3.0, 6.0, 6.0], "scale times the light's");
     assert!(!warnings.iter().any(|text| text.contains("light")), "{warnings:?}");
 }
@@ -124,7 +124,7 @@ fn a_normalised_mesh_is_divided_by_its_area_in_the_world() {
 #[test]
 fn unsupported_mesh_light_inputs_give_one_warning() {
     let shaped = LightDesc {
-        shaping: Some(Shaping::default()),
+        shaping: Some(ShapingCone::default()),
         diffuse: 0.5,
         light_link: Some("some".into()),
         ..light(MaterialSync::Independent)

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! How far ours is from a table.
 
-use oocpt_materialx::library::Library;
+use oocpt_materialx::library::NodeLibrary;
 
 use super::bounds::{Bound, left_out};
 use super::table::{Block, Row};
@@ -41,7 +41,7 @@ fn normal(x: f32) -> f32 {
     if x.is_normal() { x } else { 0.0 }
 }
 
-fn row(block: &Block, Row { given, expected, .. }: &Row, way: Way, bound: Bound, library: &Library) -> Found {
+fn row(block: &Block, Row { given, expected, .. }: &Row, way: Way, bound: Bound, library: &NodeLibrary) -> Found {
     let mut found = Found { rows: 1, equal: 1, numbers: expected.len(), ..Found::default() };
     let name = format!("{} {way:?} {}", block.definition, block.output);
     let ours = match value_of(block, given, way, library) {
@@ -76,7 +76,7 @@ fn row(block: &Block, Row { given, expected, .. }: &Row, way: Way, bound: Bound,
 }
 
 /// Compares rows of a block in one way.
-pub(crate) fn compare(block: &Block, way: Way, library: &Library) -> Found {
+pub(crate) fn compare(block: &Block, way: Way, library: &NodeLibrary) -> Found {
     const MOST_LINES: usize = 3;
     let bound = Bound::of(block);
     let mut all = Found::default();

@@ -9,7 +9,7 @@ mod translation;
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use oocpt_materialx::value::{Type, Value};
+use oocpt_materialx::value::{PortType, PortValue};
 
 use super::support::{library, node, number, of_node, sound, translated, value, vector};
 use bounds::Bound;
@@ -41,7 +41,7 @@ fn every_node_definition_has_reference_rows() {
     let compared: BTreeSet<&str> = rows.keys().map(|(definition, _)| *definition).collect();
     let missing: BTreeSet<&str> = table.missing.iter().map(|(name, _)| name.as_str()).collect();
     assert_eq!((compared.len(), missing.len()), (642, 60), "compared, not compared");
-    let is_number = |ty: Type| !matches!(ty, Type::Text | Type::File | Type::Other);
+    let is_number = |ty: PortType| !matches!(ty, PortType::Text | PortType::File | PortType::Other);
     for definition in library().definitions() {
         let are_numbers = definition.outputs.iter().all(|(_, ty, _)| is_number(*ty));
         let name = &*definition.name;
@@ -88,14 +88,14 @@ fn the_comparison_finds_planted_differences() {
     assert!(compare(&swapped, translation::Way::Said, library()).wrong > 0, "swapped");
 }
 
-fn four(x: f32, y: f32, z: f32, w: f32) -> Value {
-    Value::Numbers([x, y, z, w])
+fn four(x: f32, y: f32, z: f32, w: f32) -> PortValue {
+    PortValue::Numbers([x, y, z, w])
 }
 
 /// Cases that rows meet seldom; each was wrong once.
 #[test]
 fn rare_cases_match_materialx_glsl() {
-    let is = |name: &str, values: &[(&str, Value)], expected: &[f32]| {
+    let is = |name: &str, values: &[(&str, PortValue)], expected: &[f32]| {
         assert_eq!(&of_node(name, values)[..expected.len()], expected, "{name}");
     };
     is("ND_convert_integer_boolean", &[("in", number(4.0))], &[1.0]);
@@ -132,7 +132,7 @@ fn ramps_use_their_number_of_colours() {
 /// What is connected decides at run time, where it is no constant.
 #[test]
 fn switch_inputs_of_nodes_can_be_connected() {
-    let at = |kind: &str, name: &str, truth: f32, values: &[(&str, Value)]| {
+    let at = |kind: &str, name: &str, truth: f32, values: &[(&str, PortValue)]| {
         let translation = sound(vec![
             node("ND_open_pbr_surface_surfaceshader", &[("base_weight", number(1.0))], &[("base_color", 1)]),
             node(kind, values, &[(name, 2)]),
@@ -159,7 +159,7 @@ fn switch_inputs_of_nodes_can_be_connected() {
 /// Programs have no matrices: a line says so.
 #[test]
 fn matrix_nodes_are_rejected_with_one_line() {
-    let unit = Value::Matrix(std::array::from_fn(|row| std::array::from_fn(|k| f32::from(u8::from(row == k)))));
+    let unit = PortValue::Matrix(std::array::from_fn(|row| std::array::from_fn(|k| f32::from(u8::from(row == k)))));
     let translation = translated(vec![
         node("ND_open_pbr_surface_surfaceshader", &[("base_weight", number(1.0))], &[("base_color", 1)]),
         node("ND_transformmatrix_vector3", &[("in", vector(1.0, 2.0, 3.0))], &[("mat", 2)]),

@@ -3,13 +3,13 @@
 //! a program reads, from texels and from the geometry, and inputs that nothing is said of.
 
 use oocpt_materialx::eval::run;
-use oocpt_materialx::library::Library;
-use oocpt_materialx::network::{Network, Node};
-use oocpt_materialx::program::{Geometry, Lookup};
+use oocpt_materialx::library::NodeLibrary;
+use oocpt_materialx::network::{Network, NetworkNode};
+use oocpt_materialx::program::{Geometry, ProgramLookup};
 use oocpt_materialx::surface::Input;
-use oocpt_materialx::uses::Uses;
-use oocpt_materialx::value::{FileRef, Type, Value};
-use oocpt_materialx::{InputSource, Translation, translate};
+use oocpt_materialx::uses::MaterialUses;
+use oocpt_materialx::value::{FileRef, PortType, PortValue};
+use oocpt_materialx::{InputSource, TranslatedNetwork, translate};
 
 use super::table::{Block, Column, width};
 
@@ -38,35 +38,40 @@ fn placed(block: &Block) -> Vec<(&Column, usize)> {
     columns.zip(starts).collect()
 }
 
-fn value(kind: &str, numbers: &[f32]) -> Value {
+fn value(kind: &str, numbers: &[f32]) -> PortValue {
     let side = match kind {
         "matrix33" => 3,
         "matrix44" => 4,
-        _ if numbers.len() == 1 => return Value::Numbers([numbers[0]; 4]),
-        _ => return Value::Numbers(std::array::from_fn(|k| numbers.get(k).copied().unwrap_or_default())),
+        _ if numbers.len() == 1 => return PortValue::Numbers([numbers[0]; 4]),
+        _ => return PortValue::Numbers(std::array::from_fn(|k| numbers.get(k).copied().unwrap_or_default())),
     };
     let at = |row: usize, k: usize| if row.max(k) < side { numbers[row * side + k] } else { 0.0 };
-    Value::Matrix(std::array::from_fn(|row| std::array::from_fn(|k| at(row, k))))
+    PortValue::Matrix(std::array::from_fn(|row| std::array::from_fn(|k| at(row, k))))
 }
 
-fn file(name: &str) -> Value {
-    Value::File(FileRef { authored: name.into(), resolved: name.into(), color_space: None, node: "/m/image".into() })
+fn file(name: &str) -> PortValue {
+    PortValue::File(FileRef {
+        authored: name.into(),
+        resolved: name.into(),
+        color_space: None,
+        node: "/m/image".into(),
+    })
 }
 
-fn node(kind: &str) -> Node {
-    Node { path: format!("/m/{kind}").into(), kind: kind.into(), values: Vec::new(), connections: Vec::new() }
+fn node(kind: &str) -> NetworkNode {
+    NetworkNode { path: format!("/m/{kind}").into(), kind: kind.into(), values: Vec::new(), connections: Vec::new() }
 }
 
 /// The network of a row: its surface, the node, what picks `component` of its output, and what the node reads.
-fn network(block: &Block, row: &[f32], way: Way, component: Option<usize>, library: &Library) -> Network {
+fn network(block: &Block, row: &[f32], way: Way, component: Option<usize>, library: &NodeLibrary) -> Network {
     let mut surface = node("ND_open_pbr_surface_surfaceshader");
-    surface.values.push(("base_weight".into(), Value::Numbers([1.0; 4])));
+    surface.values.push(("base_weight".into(), PortValue::Numbers([1.0; 4])));
     let mut tested = node(&block.definition);
     tested
         .values
-        .extend(block.texts.iter().map(|(name, text)| (name.as_str().into(), Value::Text(text.as_str().into()))));
+        .extend(block.texts.iter().map(|(name, text)| (name.as_str().into(), PortValue::Text(text.as_str().into()))));
     if let Some(definition) = library.definition(&block.definition) {
-        let files = definition.inputs.iter().filter(|input| input.ty == Type::File);
+        let files = definition.inputs.iter().filter(|input| input.ty == PortType::File);
         tested.values.extend(files.map(|input| (input.name.clone(), file(TEXTURE))));
     }
     // Looked up at a place that is no affine map, so that a texel alone is no texture of the surface.
@@ -97,7 +102,7 @@ fn network(block: &Block, row: &[f32], way: Way, component: Option<usize>, libra
     let mut from = (1, block.output.as_str());
     if let Some(component) = component {
         let mut extract = node(&format!("ND_extract_{}", block.kind));
-        extract.values.push(("index".into(), Value::Numbers([component as f32; 4])));
+        extract.values.push(("index".into(), PortValue::Numbers([component as f32; 4])));
         extract.connections.push(("in".into(), 1, block.output.as_str().into()));
         from = (nodes.len(), "out");
         nodes.push(extract);
@@ -114,7 +119,7 @@ fn unit(v: [f32; 4]) -> [f32; 4] {
 }
 
 /// The names of a property of the geometry: that of a default, and those that shaders have.
-fn names(what: Geometry, uses: &Uses) -> Vec<String> {
+fn names(what: Geometry, uses: &MaterialUses) -> Vec<String> {
     let listed = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect();
     let set = |slot: usize| match uses.uv_sets.get(slot).map(|name| &**name) {
         Some("st") => listed(&["UV0", "texcoord_0"]),
@@ -122,8 +127,8 @@ fn names(what: Geometry, uses: &Uses) -> Vec<String> {
         None => Vec::new(),
     };
     let primvar = |slot: usize| match uses.primvars.get(slot).map(|primvar| &*primvar.name) {
-        Some(Uses::POSITION) => listed(&["Pobject", "positionObject"]),
-        Some(Uses::NORMAL) => listed(&["Nobject", "normalObject"]),
+        Some(MaterialUses::POSITION) => listed(&["Pobject", "positionObject"]),
+        Some(MaterialUses::NORMAL) => listed(&["Nobject", "normalObject"]),
         Some("displayColor") => listed(&["color_0"]),
         Some(name) => vec![format!("i_geomprop_{name}")],
         None => Vec::new(),
@@ -143,7 +148,7 @@ fn names(what: Geometry, uses: &Uses) -> Vec<String> {
 }
 
 /// What the surface of a row has.
-fn seen(block: &Block, row: &[f32], way: Way, uses: &Uses, what: Geometry) -> [f32; 4] {
+fn seen(block: &Block, row: &[f32], way: Way, uses: &MaterialUses, what: Geometry) -> [f32; 4] {
     let names = names(what, uses);
     for (column, at) in placed(block) {
         let is_input = !column.kind.is_empty();
@@ -164,7 +169,14 @@ fn seen(block: &Block, row: &[f32], way: Way, uses: &Uses, what: Geometry) -> [f
 }
 
 /// A texel of a row: an input, or the formula of `tests/reference/node_shaders.py`.
-fn texel(block: &Block, row: &[f32], way: Way, uses: &Uses, lookup: &Lookup, place: Option<[f32; 2]>) -> [f32; 4] {
+fn texel(
+    block: &Block,
+    row: &[f32],
+    way: Way,
+    uses: &MaterialUses,
+    lookup: &ProgramLookup,
+    place: Option<[f32; 2]>,
+) -> [f32; 4] {
     let name = uses.textures.get(lookup.texture as usize).map_or("", |texture| &*texture.file.authored);
     let texel = if name == TEXTURE {
         let set = lookup
@@ -181,10 +193,10 @@ fn texel(block: &Block, row: &[f32], way: Way, uses: &Uses, lookup: &Lookup, pla
     std::array::from_fn(|k| texel[k] * lookup.scale[k] + lookup.bias[k])
 }
 
-fn color(block: &Block, row: &[f32], way: Way, translation: &Translation) -> Option<[f32; 4]> {
+fn color(block: &Block, row: &[f32], way: Way, translation: &TranslatedNetwork) -> Option<[f32; 4]> {
     let uses = &translation.uses;
     let surface = |what: Geometry| seen(block, row, way, uses, what);
-    let look = |lookup: &Lookup, place: Option<[f32; 2]>| texel(block, row, way, uses, lookup, place);
+    let look = |lookup: &ProgramLookup, place: Option<[f32; 2]>| texel(block, row, way, uses, lookup, place);
     Some(match translation.inputs?[Input::DiffuseColor as usize] {
         InputSource::Constant(value) => value,
         InputSource::Register(register) => run(&translation.program, surface, look)[usize::from(register)],
@@ -198,7 +210,7 @@ fn color(block: &Block, row: &[f32], way: Way, translation: &Translation) -> Opt
 }
 
 /// What the node gives for a row; else what is not understood.
-pub(crate) fn value_of(block: &Block, row: &[f32], way: Way, library: &Library) -> Result<Vec<f32>, String> {
+pub(crate) fn value_of(block: &Block, row: &[f32], way: Way, library: &NodeLibrary) -> Result<Vec<f32>, String> {
     let one = |component: Option<usize>| {
         let translation = translate(&network(block, row, way, component, library), library);
         if let Some(problem) = translation.problems.first() {

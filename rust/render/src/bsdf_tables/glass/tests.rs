@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The glass table against direct quadrature.
 
-use super::make::Losses;
+use super::make::GlassLosses;
 use super::*;
 
 /// Places all over the table and not at its nodes, most of them where it bends: (alpha, ior, side, cosine).
@@ -30,7 +30,7 @@ fn places(count: usize) -> Vec<(f64, f64, usize, f64)> {
 #[test]
 fn the_table_is_accurate_between_its_nodes() {
     use rayon::prelude::*;
-    let (table, normals) = (Losses::of(bytes()), Normals::new(1 << 15));
+    let (table, normals) = (GlassLosses::of(bytes()), VisibleNormals::new(1 << 15));
     let errors: Vec<(f64, (f64, f64, usize, f64))> = places(3000)
         .into_par_iter()
         .map(|place| {
@@ -46,7 +46,7 @@ fn the_table_is_accurate_between_its_nodes() {
 
 #[test]
 fn average_albedos_match_the_interpolated_table() {
-    let table = Losses::of(bytes());
+    let table = GlassLosses::of(bytes());
     let float = |at: usize| f64::from(f32::from_le_bytes(std::array::from_fn(|i| bytes()[4 * at + i])));
     for (alpha, ior, side, _) in places(40) {
         // A midpoint rule in the logarithm above a hundredth of alpha.
@@ -68,7 +68,7 @@ fn average_albedos_match_the_interpolated_table() {
 
 #[test]
 fn energy_losses_match_known_values() {
-    let normals = Normals::new(1 << 15);
+    let normals = VisibleNormals::new(1 << 15);
     // An interface that bends nothing and reflects nothing loses what the way out masks: 1 - G1 at the viewer's cosine.
     for (cosine, alpha) in [(0.05, 0.3), (0.3, 1.0), (0.9, 0.5)] {
         let lost = normals.loss(cosine, alpha, 1.0);

@@ -4,7 +4,7 @@
 use crate::NoFiles;
 use crate::assets::SurfaceEntries;
 use crate::lights::emission::{EmittedPower, PrimEmission};
-use crate::lights::emitter::Emitter;
+use crate::lights::emitter::MeshEmitter;
 use crate::lights::tests::probe;
 use crate::lights::tree::trails;
 use crate::lights::{FileCache, LightTable, MeshLightCache, MeshLights, narrow};
@@ -140,7 +140,7 @@ fn closed_meshes_shine_outwards() {
             mesh.face_vertex_indices = TypedArray::of(faces.concat());
         }
         let scene = snapshot(|db| db.upsert_mesh(mesh));
-        let emitter = Emitter::new(
+        let emitter = MeshEmitter::new(
             &scene.meshes[0].asset().expect("in memory"),
             &PrimEmission { by_slot: vec![EmittedPower::Even(1.0)], scale: 1.0 },
         )

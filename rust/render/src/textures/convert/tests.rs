@@ -20,7 +20,7 @@ fn byte(x: u32, y: u32) -> u8 {
 /// Level, place, size and texels of a tile.
 type Tile = (u32, [u32; 2], [u32; 2], Vec<u8>);
 
-impl Image for Rows {
+impl SourceImage for Rows {
     fn info(&self) -> ImageInfo {
         let levels = vec![self.size];
         ImageInfo { levels, channels: 1, format: TexelFormat::U8, tile_friendly: false, is_srgb: None, wrap: None }
@@ -55,10 +55,10 @@ impl TileSink for Kept {
 }
 
 fn converted(image: &Rows, first: u32) -> Result<Kept, ImageError> {
-    let layout = Layout::new(image.size, 1).expect("supported");
+    let layout = TileLayout::new(image.size, 1).expect("supported");
     let mut kept = Kept::default();
-    let texels = Texels::new(&image.info(), false);
-    convert(&Decoding { image, texels: &texels, transform: None, layout: &layout, first }, &mut kept)?;
+    let texels = StoredTexels::new(&image.info(), false);
+    convert(&ImageDecoding { image, texels: &texels, transform: None, layout: &layout, first }, &mut kept)?;
     Ok(kept)
 }
 
@@ -66,7 +66,7 @@ fn converted(image: &Rows, first: u32) -> Result<Kept, ImageError> {
 fn every_tile_of_every_level_comes_once() {
     for size in [[1, 1], [300, 259], [128, 256], [1, 700], [513, 2]] {
         let kept = converted(&Rows { size, rows: size[1] }, 0).expect("whole");
-        let layout = Layout::new(size, 1).expect("supported");
+        let layout = TileLayout::new(size, 1).expect("supported");
         let mut levels: Vec<Vec<Option<u8>>> = (0..layout.levels())
             .map(|level| vec![None; layout.level_size(level).iter().product::<u32>() as usize])
             .collect();
@@ -94,7 +94,7 @@ fn every_tile_of_every_level_comes_once() {
 #[derive(Debug)]
 struct Wild;
 
-impl Image for Wild {
+impl SourceImage for Wild {
     fn info(&self) -> ImageInfo {
         let levels = vec![[4, 4]];
         ImageInfo { levels, channels: 1, format: TexelFormat::F32, tile_friendly: true, is_srgb: None, wrap: None }
@@ -120,12 +120,12 @@ fn downsampled_bytes_match_the_pyramid_bit_for_bit() {
             is_srgb: None,
             wrap: None,
         };
-        let texels = Texels::new(&info, is_srgb);
+        let texels = StoredTexels::new(&info, is_srgb);
         let rows = [0, 1].map(|y| (0..16 * channels).map(|x| byte(x, y)).collect::<Vec<u8>>());
         let mut halved = Vec::new();
         texels.halve(&rows[0], &rows[1], &mut halved);
-        let layout = Layout::new([16, 2], channels.next_power_of_two()).expect("supported");
-        let mut pyramid = Pyramid::new(&layout, channels as usize);
+        let layout = TileLayout::new([16, 2], channels.next_power_of_two()).expect("supported");
+        let mut pyramid = TexturePyramid::new(&layout, channels as usize);
         let mut level = Vec::new();
         for row in &rows {
             let mut values = vec![0.0; row.len()];
@@ -143,10 +143,10 @@ fn downsampled_bytes_match_the_pyramid_bit_for_bit() {
 
 #[test]
 fn nan_texels_do_not_spread_to_coarser_levels() {
-    let layout = Layout::new([4, 4], 4).expect("supported");
-    let texels = Texels::new(&Wild.info(), false);
+    let layout = TileLayout::new([4, 4], 4).expect("supported");
+    let texels = StoredTexels::new(&Wild.info(), false);
     let mut kept = Kept::default();
-    let decoding = Decoding { image: &Wild, texels: &texels, transform: None, layout: &layout, first: 0 };
+    let decoding = ImageDecoding { image: &Wild, texels: &texels, transform: None, layout: &layout, first: 0 };
     convert(&decoding, &mut kept).expect("it can be read");
     let values = |level: usize| bytemuck::pod_collect_to_vec::<u8, f32>(&kept.0[level].3);
     let (whole, half) = (values(0), values(1));
@@ -172,9 +172,10 @@ fn images_with_wrong_row_counts_are_errors() {
         let (longer, result) = (Rows { size: [300, rows], rows }, converted(&image, 0));
         assert_eq!(result.is_ok(), rows >= 259, "{rows} rows");
         if rows > 259 {
-            let layout = Layout::new([300, 259], 1).expect("supported");
-            let texels = Texels::new(&longer.info(), false);
-            let decoding = Decoding { image: &longer, texels: &texels, transform: None, layout: &layout, first: 0 };
+            let layout = TileLayout::new([300, 259], 1).expect("supported");
+            let texels = StoredTexels::new(&longer.info(), false);
+            let decoding =
+                ImageDecoding { image: &longer, texels: &texels, transform: None, layout: &layout, first: 0 };
             let error = convert(&decoding, &mut Kept::default());
             assert!(error.is_err(), "{rows} rows of 259");
         }

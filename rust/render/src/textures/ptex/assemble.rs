@@ -10,26 +10,26 @@ use std::collections::BTreeMap;
 
 /// A class: where its texels are, and how far it has come.
 #[derive(Clone, Copy, Debug)]
-struct Class {
+struct FaceClass {
     done: u64,
     end: u64,
 }
 
 /// See the module.
-pub(super) struct Assembler {
+pub(super) struct FaceAssembler {
     texel_bytes: usize,
     texels: u64,
-    classes: Vec<Class>,
+    classes: Vec<FaceClass>,
     /// Tiles under way.
     open: BTreeMap<u32, Vec<u8>>,
 }
 
-impl Assembler {
+impl FaceAssembler {
     pub(super) fn new(layout: &FaceLayout, texel_bytes: usize) -> Self {
         let class = |class: u32| {
             let blocks = || (0..layout.faces()).filter_map(|face| layout.block(class, face));
             let end = |block: oocpt_core::texture::FaceBlock| u64::from(block.first) + u64::from(block.texels());
-            Class {
+            FaceClass {
                 done: blocks().next().map_or(0, |block| u64::from(block.first)),
                 end: blocks().next_back().map_or(0, end),
             }

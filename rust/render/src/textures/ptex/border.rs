@@ -6,16 +6,16 @@
 //! (subfaces) along one edge: the file names the one at the first half of the edge, and the other one is next to that.
 //! Files may lie: every number is looked up with a check, and walks are bounded.
 
-use super::pyramid::{Edges, FacePyramid};
+use super::pyramid::{FaceEdges, FacePyramid};
 use oocpt_core::texture::{FaceBlock, class_size};
-use oocpt_ptex::{BorderMode, Face};
+use oocpt_ptex::{BorderMode, PtexFace};
 use rustc_hash::FxHashMap;
 
 /// Most faces around a corner that are looked at.
 const MOST_VALENCE: usize = 32;
 
 /// Faces around a face that its border is made of, itself included; with repetitions.
-pub(super) fn neighbours(faces: &[Face], face: u32) -> Vec<u32> {
+pub(super) fn neighbours(faces: &[PtexFace], face: u32) -> Vec<u32> {
     let mut all = Vec::new();
     for edge in 0..4 {
         for t in [0.25, 0.75] {
@@ -28,7 +28,7 @@ pub(super) fn neighbours(faces: &[Face], face: u32) -> Vec<u32> {
 
 /// What is beyond the place `t` (0 to 1) of an edge: face, its edge, the place there, and how many of its edges'
 /// lengths one length of ours is.
-fn beyond(faces: &[Face], face: u32, edge: u8, t: f64) -> Option<(u32, u8, f64, f64)> {
+fn beyond(faces: &[PtexFace], face: u32, edge: u8, t: f64) -> Option<(u32, u8, f64, f64)> {
     let own = faces.get(face as usize)?;
     let (other, other_edge) = (*own.adjacent.get(usize::from(edge))?)?;
     let neighbour = faces.get(other as usize)?;
@@ -49,7 +49,7 @@ fn beyond(faces: &[Face], face: u32, edge: u8, t: f64) -> Option<(u32, u8, f64, 
 
 /// The faces around a corner, with the numbers of their corners there, without the face itself; `None` where it lies on
 /// the border of the mesh, or in the middle of a neighbour's edge.
-fn around(faces: &[Face], face: u32, corner: u8) -> Option<Vec<(u32, u8)>> {
+fn around(faces: &[PtexFace], face: u32, corner: u8) -> Option<Vec<(u32, u8)>> {
     let mut found = Vec::new();
     let mut at = (face, corner);
     for _ in 0..MOST_VALENCE {
@@ -71,24 +71,24 @@ fn around(faces: &[Face], face: u32, corner: u8) -> Option<Vec<(u32, u8)>> {
 
 /// The texel of a face at a corner, and those beyond its edges beside that.
 #[derive(Clone, Copy)]
-struct Around<'a> {
+struct CornerTexels<'a> {
     own: &'a [f32],
     before: &'a [f32],
     after: &'a [f32],
 }
 
 /// Everything around that blocks are made of.
-pub(super) struct Surroundings<'a> {
-    pub(super) faces: &'a [Face],
+pub(super) struct FaceSurroundings<'a> {
+    pub(super) faces: &'a [PtexFace],
     pub(super) channels: usize,
     pub(super) border_modes: [BorderMode; 2],
     /// The edges of faces, at least of those around.
-    pub(super) edges: &'a FxHashMap<u32, Edges>,
+    pub(super) edges: &'a FxHashMap<u32, FaceEdges>,
 }
 
-impl Surroundings<'_> {
+impl FaceSurroundings<'_> {
     /// The block of one level of a face, with its border, row by row.
-    pub(super) fn block(&self, face: u32, level: usize, pyramid: &FacePyramid, own: &Edges) -> Vec<f32> {
+    pub(super) fn block(&self, face: u32, level: usize, pyramid: &FacePyramid, own: &FaceEdges) -> Vec<f32> {
         let Some((size, inside)) = pyramid.level(level) else { return Vec::new() };
         let [width, height] = size.map(|side| side as usize);
         let (channels, stride) = (self.channels, (width + 2) * self.channels);
@@ -123,14 +123,14 @@ impl Surroundings<'_> {
             let before = strips[(usize::from(corner) + 3) % 4].rchunks_exact(channels).next().unwrap_or_default();
             let after = strips[usize::from(corner)].chunks_exact(channels).next().unwrap_or_default();
             let own = own.at(level, corner, 0, channels);
-            let texel = self.beyond_corner((face, corner), class, Around { own, before, after });
+            let texel = self.beyond_corner((face, corner), class, CornerTexels { own, before, after });
             put(x, y, &texel);
         }
         block
     }
 
     /// The texel beyond number `i` of `count` along an edge.
-    fn beyond_edge(&self, face: u32, edge: u8, (i, count): (usize, usize), level: usize, own: &Edges) -> Vec<f32> {
+    fn beyond_edge(&self, face: u32, edge: u8, (i, count): (usize, usize), level: usize, own: &FaceEdges) -> Vec<f32> {
         let t = (i as f64 + 0.5) / count as f64;
         let found = beyond(self.faces, face, edge, t);
         let Some((edges, (_, other_edge, place, share))) =
@@ -155,8 +155,8 @@ impl Surroundings<'_> {
 
     /// The texel beyond a corner: such that all faces around agree on the value at the corner, the mean of their texels
     /// there. With four faces it is the texel of the one across.
-    fn beyond_corner(&self, (face, corner): (u32, u8), class: u32, at: Around<'_>) -> Vec<f32> {
-        let Around { own, before, after } = at;
+    fn beyond_corner(&self, (face, corner): (u32, u8), class: u32, at: CornerTexels<'_>) -> Vec<f32> {
+        let CornerTexels { own, before, after } = at;
         let mean = |k: usize| 0.5 * (before.get(k).unwrap_or(&0.0) + after.get(k).unwrap_or(&0.0));
         let all = around(self.faces, face, corner).filter(|all| !all.is_empty());
         let texel = |&(other, corner): &(u32, u8)| {

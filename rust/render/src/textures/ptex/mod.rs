@@ -8,13 +8,13 @@ mod pyramid;
 
 use super::convert::{TileSink, make_finite};
 use super::image::{ColorTransform, ImageError, ImageInfo};
-use super::texels::Texels;
-use assemble::Assembler;
-use border::{Surroundings, fits, neighbours};
+use super::texels::StoredTexels;
+use assemble::FaceAssembler;
+use border::{FaceSurroundings, fits, neighbours};
 use oocpt_abi::TILE_SIDE;
 use oocpt_core::texture::{FaceLayout, TexelFormat};
-use oocpt_ptex::{DataType, Face, MeshType, PtexFile, ReadAt};
-use pyramid::{Edges, FacePyramid};
+use oocpt_ptex::{DataType, MeshType, PtexFace, PtexFile, ReadAt};
+use pyramid::{FaceEdges, FacePyramid};
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 use std::sync::Arc;
@@ -49,9 +49,9 @@ pub(super) struct PtexSource {
 #[derive(Clone, Copy)]
 pub(super) struct TexelConversion<'a> {
     /// As they are in the file.
-    pub(super) from: &'a Texels,
+    pub(super) from: &'a StoredTexels,
     /// As they are kept.
-    pub(super) to: &'a Texels,
+    pub(super) to: &'a StoredTexels,
     pub(super) transform: Option<&'a dyn ColorTransform>,
 }
 
@@ -101,8 +101,8 @@ impl PtexSource {
     /// Gives `sink` every tile, in no order. Every face is decoded once, and those at the border of a batch a second
     /// time; a face that cannot be decoded is an error.
     pub(super) fn convert(&self, meaning: TexelConversion<'_>, sink: &mut dyn TileSink) -> Result<(), ImageError> {
-        let mut assembler = Assembler::new(&self.layout, meaning.to.file_bytes());
-        let mut kept: FxHashMap<u32, Edges> = FxHashMap::default();
+        let mut assembler = FaceAssembler::new(&self.layout, meaning.to.file_bytes());
+        let mut kept: FxHashMap<u32, FaceEdges> = FxHashMap::default();
         let mut kept_bytes = 0;
         let faces = self.file.faces();
         let mut next = 0;
@@ -131,7 +131,7 @@ impl PtexSource {
             kept_bytes += edges.iter().map(|(_, edges)| edges.bytes()).sum::<usize>();
             kept.extend(edges);
             let border_modes = self.file.border_modes();
-            let surroundings = Surroundings { faces, channels, border_modes, edges: &kept };
+            let surroundings = FaceSurroundings { faces, channels, border_modes, edges: &kept };
             let made: Vec<Vec<(u32, u32, Vec<u8>)>> = batch
                 .clone()
                 .into_par_iter()
@@ -149,7 +149,7 @@ impl PtexSource {
     /// The next faces to make.
     fn batch(&self, first: u32) -> Option<std::ops::Range<u32>> {
         let mut sum = 0;
-        let fits = |face: &&Face| {
+        let fits = |face: &&PtexFace| {
             let own = texels(kept_log2(face));
             let is_first = sum == 0;
             sum += own;
@@ -215,7 +215,7 @@ impl PtexSource {
         &self,
         face: u32,
         pyramid: &FacePyramid,
-        surroundings: &Surroundings<'_>,
+        surroundings: &FaceSurroundings<'_>,
         meaning: TexelConversion<'_>,
     ) -> Result<Vec<(u32, u32, Vec<u8>)>, ImageError> {
         let wrong = || ImageError(format!("face {face} has no place"));
@@ -233,7 +233,7 @@ impl PtexSource {
 }
 
 /// Texels of a face as they are kept, as powers of two.
-fn kept_log2(face: &Face) -> [u8; 2] {
+fn kept_log2(face: &PtexFace) -> [u8; 2] {
     if face.is_constant { face.log2.map(|log2| log2.min(CONSTANT_LOG2)) } else { face.log2 }
 }
 

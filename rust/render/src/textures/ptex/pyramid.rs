@@ -36,7 +36,7 @@ impl FacePyramid {
     }
 
     /// The texels along the edges of all levels.
-    pub(super) fn edges(&self, channels: usize) -> Edges {
+    pub(super) fn edges(&self, channels: usize) -> FaceEdges {
         let strips = |(size, values): &([u32; 2], Vec<f32>)| {
             let [width, height] = size.map(|side| side as usize);
             let texel = |x: usize, y: usize| {
@@ -50,7 +50,7 @@ impl FacePyramid {
                 (0..height).flat_map(|i| texel(0, height - 1 - i)).copied().collect(),
             ]
         };
-        Edges { levels: self.levels.iter().map(strips).collect() }
+        FaceEdges { levels: self.levels.iter().map(strips).collect() }
     }
 }
 
@@ -78,11 +78,11 @@ fn halved([width, height]: [u32; 2], fine: &[f32], channels: usize) -> ([u32; 2]
 
 /// The texels along the four edges of each level, counterclockwise: edge `k` begins at corner `k`.
 #[derive(Debug)]
-pub(super) struct Edges {
+pub(super) struct FaceEdges {
     levels: Vec<[Vec<f32>; 4]>,
 }
 
-impl Edges {
+impl FaceEdges {
     pub(super) fn levels(&self) -> usize {
         self.levels.len()
     }

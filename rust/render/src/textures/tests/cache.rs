@@ -2,7 +2,9 @@
 //! How often files are decoded, and what is kept of them: on disk, in memory, from render to render.
 
 use super::harness::{encoded, noise, texture};
-use crate::textures::{ColorTransform, Image, ImageError, ImageInfo, ImageLibrary, PAUSES, TextureCache, TextureImage};
+use crate::textures::{
+    ColorTransform, ImageError, ImageInfo, ImageLibrary, PAUSES, SourceImage, TextureCache, TextureImage,
+};
 use oocpt_core::scene::AssetRef;
 use oocpt_core::settings::Settings;
 use oocpt_core::texture::{ColorSpace, TexelFormat, Wrap};
@@ -19,7 +21,7 @@ struct Stripes {
     rows: u32,
 }
 
-impl Image for Stripes {
+impl SourceImage for Stripes {
     fn info(&self) -> ImageInfo {
         let levels = vec![SIZE];
         ImageInfo { levels, channels: 3, format: TexelFormat::U8, tile_friendly: false, is_srgb: None, wrap: None }
@@ -68,7 +70,7 @@ impl Library {
 }
 
 impl ImageLibrary for Library {
-    fn open(&self, _: &AssetRef) -> Result<Arc<dyn Image>, ImageError> {
+    fn open(&self, _: &AssetRef) -> Result<Arc<dyn SourceImage>, ImageError> {
         self.opened.fetch_add(1, Ordering::Relaxed);
         let rows = if self.breaks { SIZE[1] - 1 } else { SIZE[1] };
         Ok(Arc::new(Stripes { decoded: Arc::clone(&self.decoded), rows }))
@@ -250,7 +252,7 @@ fn named_colour_spaces_go_through_their_conversion() {
 fn host_texels_match_device_tiles() {
     let library = Arc::new(Library::default());
     let (image, _) = open(&library, &no_disk(), ColorSpace::Raw);
-    let view: &dyn Image = &*image;
+    let view: &dyn SourceImage = &*image;
     assert_eq!(view.info().levels.len() as u32, image.layout().levels(), "all levels");
     for (level, at, size) in
         [(0, [0, 0], [1, 1]), (0, [100, 90], [300, 260]), (0, [0, 699], [1000, 1]), (2, [5, 3], [200, 150])]

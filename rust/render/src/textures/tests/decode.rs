@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Images that give whole levels through [`Image::read`], and libraries that know neither identities nor colour spaces.
+//! Images that give whole levels through [`SourceImage::read`], and libraries that know neither identities nor colour
+//! spaces.
 
 use super::harness::{Procedural, encoded, image, noise};
-use crate::textures::{BAND_BYTES, Image, ImageError, ImageLibrary};
+use crate::textures::{BAND_BYTES, ImageError, ImageLibrary, SourceImage};
 use oocpt_core::scene::AssetRef;
 use oocpt_core::texture::TexelFormat;
 use std::sync::Arc;
@@ -67,7 +68,7 @@ fn libraries_of_tests_know_neither_identities_nor_color_spaces() {
     #[derive(Debug)]
     struct Nothing;
     impl ImageLibrary for Nothing {
-        fn open(&self, _: &AssetRef) -> Result<Arc<dyn Image>, ImageError> {
+        fn open(&self, _: &AssetRef) -> Result<Arc<dyn SourceImage>, ImageError> {
             Err(ImageError("nothing".into()))
         }
     }

@@ -2,7 +2,7 @@
 //! Files one by one: what is said of them, and filling the cache.
 
 use super::harness::{Procedural, image};
-use crate::textures::{FileReport, Image, ImageError, ImageInfo, ImageLibrary, TextureFile};
+use crate::textures::{FileReport, ImageError, ImageInfo, ImageLibrary, SourceImage, TextureFile};
 use oocpt_core::scene::AssetRef;
 use oocpt_core::settings::Settings;
 use oocpt_core::texture::{ColorSpace, TexelFormat};
@@ -16,7 +16,7 @@ struct Library(Arc<Procedural>);
 #[derive(Debug)]
 struct Broken(Arc<Procedural>);
 
-impl Image for Broken {
+impl SourceImage for Broken {
     fn info(&self) -> ImageInfo {
         self.0.info()
     }
@@ -27,11 +27,11 @@ impl Image for Broken {
 }
 
 impl ImageLibrary for Library {
-    fn open(&self, asset: &AssetRef) -> Result<Arc<dyn Image>, ImageError> {
+    fn open(&self, asset: &AssetRef) -> Result<Arc<dyn SourceImage>, ImageError> {
         match &*asset.resolved {
             "gone" => Err(ImageError("cannot be found".into())),
             "broken" => Ok(Arc::new(Broken(Arc::clone(&self.0)))),
-            _ => Ok(Arc::clone(&self.0) as Arc<dyn Image>),
+            _ => Ok(Arc::clone(&self.0) as Arc<dyn SourceImage>),
         }
     }
 

@@ -4,9 +4,9 @@
 use super::harness::{open, unit};
 use bytemuck::Zeroable;
 use glam::{DMat2, DVec2, DVec3};
-use oocpt_abi::{Features, Frame, Push, groups};
+use oocpt_abi::{Features, FrameConstants, PushConstants, groups};
 use oocpt_core::texture::{ellipse, filter_width};
-use oocpt_gpu::{Buffer, Pipeline, Usage};
+use oocpt_gpu::{Buffer, BufferUsage, Pipeline};
 use oocpt_shaders::checks;
 use std::time::Duration;
 
@@ -47,14 +47,14 @@ fn ask(queries: &[Query]) -> Vec<([u32; 2], f32, f32)> {
         })
         .collect();
     let bytes = 16 * queries.len() as u64;
-    let input = Buffer::new(&gpu, "queries", 5 * bytes, Usage::Upload).expect("memory");
+    let input = Buffer::new(&gpu, "queries", 5 * bytes, BufferUsage::Upload).expect("memory");
     input.write(0, bytemuck::cast_slice(&asked)).expect("mapped");
-    let answers = Buffer::new(&gpu, "answers", bytes, Usage::Readback).expect("memory");
-    let frame = Buffer::new(&gpu, "frame", size_of::<Frame>() as u64, Usage::Upload).expect("memory");
-    let made = Frame { rays: input.address(), radiance: answers.address(), ..Frame::zeroed() };
+    let answers = Buffer::new(&gpu, "answers", bytes, BufferUsage::Readback).expect("memory");
+    let frame = Buffer::new(&gpu, "frame", size_of::<FrameConstants>() as u64, BufferUsage::Upload).expect("memory");
+    let made = FrameConstants { rays: input.address(), radiance: answers.address(), ..FrameConstants::zeroed() };
     frame.write(0, bytemuck::bytes_of(&made)).expect("mapped");
     let count = u32::try_from(queries.len()).expect("few");
-    let push = Push::wave(frame.address(), 0, count, 1);
+    let push = PushConstants::wave(frame.address(), 0, count, 1);
     let mut commands = gpu.commands("footprints").expect("a list");
     commands.dispatch(&pipeline, bytemuck::bytes_of(&push), groups(u64::from(count)));
     assert!(commands.submit().expect("submitted").wait(Duration::from_secs(60)).expect("alive"), "it ends");

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Procedural images, and a device that looks them up.
 
-use crate::textures::{Image, ImageError, ImageInfo, ImageLibrary, TextureCache, TextureSet};
+use crate::textures::{ImageError, ImageInfo, ImageLibrary, SourceImage, TextureCache, TextureSet};
 use bytemuck::Zeroable;
 use half::f16;
-use oocpt_abi::{Features, Frame, GpuTexture, Push, groups};
+use oocpt_abi::{Features, FrameConstants, GpuTexture, PushConstants, groups};
 use oocpt_core::scene::AssetRef;
-use oocpt_core::texture::{ColorSpace, Layout, TexelFormat, TextureRef, Wrap, expand, linear_from_srgb};
-use oocpt_gpu::{Buffer, Gpu, OpenOptions, Pipeline, Usage};
+use oocpt_core::texture::{ColorSpace, TexelFormat, TextureRef, TileLayout, Wrap, expand, linear_from_srgb};
+use oocpt_gpu::{Buffer, BufferUsage, Gpu, OpenOptions, Pipeline};
 use oocpt_shaders::checks;
 use std::sync::Arc;
 use std::time::Duration;
@@ -44,7 +44,7 @@ pub(super) fn encoded(byte: u8, format: TexelFormat) -> Vec<u8> {
     }
 }
 
-impl Image for Procedural {
+impl SourceImage for Procedural {
     fn info(&self) -> ImageInfo {
         self.info.clone()
     }
@@ -68,11 +68,11 @@ impl Image for Procedural {
 struct Library(Vec<Arc<Procedural>>);
 
 impl ImageLibrary for Library {
-    fn open(&self, asset: &AssetRef) -> Result<Arc<dyn Image>, ImageError> {
+    fn open(&self, asset: &AssetRef) -> Result<Arc<dyn SourceImage>, ImageError> {
         let missing = || ImageError("no such image".into());
         let name = asset.resolved.trim_end_matches("_1001").trim_end_matches("_1002").trim_end_matches("_1012");
         let number: usize = name.parse().map_err(|_not_a_number| missing())?;
-        let image: Arc<dyn Image> = Arc::clone(self.0.get(number).ok_or_else(missing)?) as Arc<dyn Image>;
+        let image: Arc<dyn SourceImage> = Arc::clone(self.0.get(number).ok_or_else(missing)?) as Arc<dyn SourceImage>;
         Ok(image)
     }
 }
@@ -137,7 +137,7 @@ impl Bench {
         let tiles: Vec<Vec<u8>> =
             set.images().flat_map(|(image, count)| (0..count).map(|tile| image.tile(tile))).collect();
         let upload = |name: &str, bytes: &[u8]| {
-            let buffer = Buffer::new(&gpu, name, (bytes.len() as u64).max(16), Usage::Upload).expect("memory");
+            let buffer = Buffer::new(&gpu, name, (bytes.len() as u64).max(16), BufferUsage::Upload).expect("memory");
             buffer.write(0, bytes).expect("mapped");
             buffer
         };
@@ -164,7 +164,7 @@ impl Bench {
         let records = upload("records", bytemuck::cast_slice::<GpuTexture, u8>(&records));
         let addresses: Vec<u64> = offsets.iter().map(|offset| kept[0].address() + offset).collect();
         let pages = upload("pages", bytemuck::cast_slice(&addresses));
-        let frame = upload("frame", bytemuck::bytes_of(&Frame::zeroed()));
+        let frame = upload("frame", bytemuck::bytes_of(&FrameConstants::zeroed()));
         let spec = (Features::MATERIALS | Features::TEXTURES | more).constants();
         let module = &checks::CHECK_TEXTURE;
         let pipeline =
@@ -185,21 +185,21 @@ impl Bench {
             .collect();
         let kept: Vec<[f32; 8]> = before.iter().map(|b| [b.0[0], b.0[1], b.0[2], b.0[3], 0.0, 0.0, 0.0, 0.0]).collect();
         let bytes = 32 * queries.len() as u64;
-        let input = Buffer::new(&self.gpu, "queries", bytes, Usage::Upload).expect("memory");
+        let input = Buffer::new(&self.gpu, "queries", bytes, BufferUsage::Upload).expect("memory");
         input.write(0, bytemuck::cast_slice(&asked)).expect("mapped");
-        let start = Buffer::new(&self.gpu, "values", bytes, Usage::Upload).expect("memory");
+        let start = Buffer::new(&self.gpu, "values", bytes, BufferUsage::Upload).expect("memory");
         start.write(0, bytemuck::cast_slice(&kept)).expect("mapped");
-        let output = Buffer::new(&self.gpu, "answers", bytes, Usage::Readback).expect("memory");
-        let frame = Frame {
+        let output = Buffer::new(&self.gpu, "answers", bytes, BufferUsage::Readback).expect("memory");
+        let frame = FrameConstants {
             rays: input.address(),
             radiance: start.address(),
             textures: self.records.address(),
             texture_pages: self.pages.address(),
-            ..Frame::zeroed()
+            ..FrameConstants::zeroed()
         };
         self.frame.write(0, bytemuck::bytes_of(&frame)).expect("mapped");
         let count = u32::try_from(queries.len()).expect("few");
-        let push = Push::wave(self.frame.address(), 0, count, 1);
+        let push = PushConstants::wave(self.frame.address(), 0, count, 1);
         let mut commands = self.gpu.commands("lookups").expect("a list");
         commands.dispatch(&self.pipeline, bytemuck::bytes_of(&push), groups(u64::from(count)));
         commands.copy(&start, 0, &output, 0, bytes);
@@ -218,7 +218,7 @@ impl Bench {
     }
 
     /// The texels of image `number`, decoded from its tiles, level by level.
-    pub(super) fn texels(&self, number: usize, is_srgb: bool) -> (Layout, Vec<Vec<[f64; 4]>>) {
+    pub(super) fn texels(&self, number: usize, is_srgb: bool) -> (TileLayout, Vec<Vec<[f64; 4]>>) {
         let first: u32 = self.set.images().take(number).map(|(_, count)| count).sum();
         let (image, count) = self.set.images().nth(number).expect("there");
         let (layout, channels, format) = (*image.layout(), image.channels() as usize, image.info().format);

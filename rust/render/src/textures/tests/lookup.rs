@@ -4,7 +4,7 @@
 use super::harness::{Answer, Bench, Procedural, Query, encoded, hash, image, noise, number_of, texture, unit};
 use super::{DONE, FALLBACK};
 use crate::textures::ImageInfo;
-use oocpt_core::texture::{ColorSpace, Sampler, TexelFormat, TextureRef, Wrap, expand, linear_from_srgb};
+use oocpt_core::texture::{ColorSpace, TexelFormat, TextureRef, TextureSampler, Wrap, expand, linear_from_srgb};
 use std::sync::Arc;
 
 const FORMATS: [TexelFormat; 3] = [TexelFormat::U8, TexelFormat::F16, TexelFormat::F32];
@@ -59,7 +59,7 @@ fn largest_error(size: [u32; 2], format: TexelFormat, wrap: [Wrap; 2], widest: f
     let bench = Bench::new(vec![image(size, 4, format)], &[texture]);
     let (layout, levels) = bench.texels(0, false);
     let texel = |level: u32, x: u32, y: u32| levels[level as usize][(y * layout.level_size(level)[0] + x) as usize];
-    let sampler = Sampler { layout, wrap, outside, texel };
+    let sampler = TextureSampler { layout, wrap, outside, texel };
     let queries: Vec<Query> = (0..3000)
         .map(|i| {
             let reach = [1.0, 3.0, 40.0][(i % 3) as usize];

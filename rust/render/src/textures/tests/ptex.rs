@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Ptex: blocks with borders against their neighbours, and the shaders' lookups against the filter in f64.
 
-use super::super::image::{Image, ImageError, ImageLibrary};
+use super::super::image::{ImageError, ImageLibrary, SourceImage};
 use super::super::set::TextureCache;
 use super::harness::{Answer, Bench, Query, hash, number_of};
 use super::{DONE, FALLBACK};
@@ -10,13 +10,13 @@ use oocpt_core::scene::AssetRef;
 use oocpt_core::texture::{
     ColorSpace, FaceLayout, PtexSampler, TextureRef, Wrap, expand, linear_from_srgb, pack_ptex, unpack_ptex,
 };
-use oocpt_ptex::{DataType, Face, MeshType, PtexWriter, ReadAt};
+use oocpt_ptex::{DataType, MeshType, PtexFace, PtexWriter, ReadAt};
 use rustc_hash::FxHashMap;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Ptex faces of a mesh, whose faces name their vertices counterclockwise; sizes by number.
-pub(in crate::textures) fn ptex_faces(mesh: &[Vec<u32>], log2: impl Fn(u32) -> [u8; 2]) -> Vec<Face> {
+pub(in crate::textures) fn ptex_faces(mesh: &[Vec<u32>], log2: impl Fn(u32) -> [u8; 2]) -> Vec<PtexFace> {
     let mut first = Vec::new();
     let mut faces = Vec::new();
     for face in mesh {
@@ -24,7 +24,7 @@ pub(in crate::textures) fn ptex_faces(mesh: &[Vec<u32>], log2: impl Fn(u32) -> [
         let (count, is_subface) = if face.len() == 4 { (1, false) } else { (face.len(), true) };
         for _ in 0..count {
             let number = u32::try_from(faces.len()).expect("few");
-            faces.push(Face { is_subface, ..Face::new(log2(number)) });
+            faces.push(PtexFace { is_subface, ..PtexFace::new(log2(number)) });
         }
     }
     // Half edges from vertex to vertex: the face in the mesh and the number of the edge there.
@@ -64,7 +64,7 @@ pub(in crate::textures) fn ptex_faces(mesh: &[Vec<u32>], log2: impl Fn(u32) -> [
 
 /// A file with texels of four channels by face, u, v and channel.
 pub(in crate::textures) fn ptex_file(
-    faces: &[Face],
+    faces: &[PtexFace],
     data_type: DataType,
     channels: u32,
     texel: impl Fn(u32, u32, u32, u32) -> f32,
@@ -96,7 +96,7 @@ pub(in crate::textures) fn ptex_file(
 pub(in crate::textures) struct PtexLibrary(pub(in crate::textures) Vec<Arc<[u8]>>);
 
 impl ImageLibrary for PtexLibrary {
-    fn open(&self, _: &AssetRef) -> Result<Arc<dyn Image>, ImageError> {
+    fn open(&self, _: &AssetRef) -> Result<Arc<dyn SourceImage>, ImageError> {
         Err(ImageError("is no image".into()))
     }
 
@@ -284,7 +284,7 @@ fn ptex_lookups_match_the_filter_in_f64() {
 fn missing_faces_and_invalid_files_give_the_fallback() {
     let faces = ptex_faces(&cube(), |_| [1, 1]);
     let triangles = PtexWriter::new(Vec::new(), MeshType::Triangle, DataType::U8, 1, None, 1).and_then(|mut writer| {
-        writer.push_face(&Face::new([1, 1]), &[1, 2, 3, 4])?;
+        writer.push_face(&PtexFace::new([1, 1]), &[1, 2, 3, 4])?;
         writer.finish()
     });
     let files = vec![ptex_file(&faces, DataType::U8, 1, random), triangles.expect("written"), b"no file".to_vec()];
@@ -348,11 +348,11 @@ fn hostile_ptex_files_terminate() {
     let (mut refused, mut made) = (0, 0);
     for round in 0..300 {
         let count = 1 + next(40);
-        let faces: Vec<Face> = (0..count)
-            .map(|_| Face {
+        let faces: Vec<PtexFace> = (0..count)
+            .map(|_| PtexFace {
                 adjacent: std::array::from_fn(|_| (next(5) > 0).then(|| (next(count + 2), next(4) as u8))),
                 is_subface: next(3) == 0,
-                ..Face::new([next(7) as u8, next(7) as u8])
+                ..PtexFace::new([next(7) as u8, next(7) as u8])
             })
             .collect();
         let mut file = ptex_file(&faces, DataType::U8, 1 + next(5), random);
@@ -383,7 +383,7 @@ fn hostile_ptex_files_terminate() {
 fn small_files_of_many_texels_are_refused_and_constant_faces_are_small() {
     let write = |log2: [u8; 2], constant: bool, count: u32| {
         let mut writer = PtexWriter::new(Vec::new(), MeshType::Quad, DataType::U8, 4, None, count).expect("begun");
-        let face = Face { is_constant: constant, ..Face::new(log2) };
+        let face = PtexFace { is_constant: constant, ..PtexFace::new(log2) };
         let texel = [10, 20, 30, 255];
         let texels = if constant { texel.to_vec() } else { texel.repeat(1 << (log2[0] + log2[1])) };
         (0..count).for_each(|_| writer.push_face(&face, &texels).expect("written"));

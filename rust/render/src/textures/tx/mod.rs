@@ -19,7 +19,7 @@ pub(super) use write::TxWriter;
 
 use super::image::ImageInfo;
 use oocpt_abi::TILE_SIDE;
-use oocpt_core::texture::{Layout, LayoutError, TexelFormat, Wrap};
+use oocpt_core::texture::{LayoutError, TexelFormat, TileLayout, Wrap};
 use serde::{Deserialize, Serialize};
 
 /// Changes whenever files of before cannot be used.
@@ -56,7 +56,7 @@ const LONG8: u16 = 16;
 
 /// What an image is: stored as text in the file's description.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub(super) struct Description {
+pub(super) struct TxDescription {
     /// [`VERSION`].
     version: u32,
     /// What tells the source from other files, and how it is read.
@@ -65,19 +65,19 @@ pub(super) struct Description {
     pub(super) size: [u32; 2],
     /// 1 to 4.
     pub(super) channels: u32,
-    format: Format,
+    format: TxFormat,
     /// The finest level in the file.
     pub(super) first_level: u32,
     /// What the source says of itself.
     is_srgb: Option<bool>,
     wrap: Option<[WrapMode; 2]>,
-    /// One level of rows ([`Layout::of_rows`]).
+    /// One level of rows ([`TileLayout::of_rows`]).
     #[serde(default)]
     is_flat: bool,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-enum Format {
+enum TxFormat {
     U8,
     F16,
     F32,
@@ -91,7 +91,7 @@ enum WrapMode {
     Mirror,
 }
 
-impl Description {
+impl TxDescription {
     pub(super) fn new(key: &str, info: &ImageInfo, is_flat: bool, first_level: u32) -> Self {
         let wrap = |wrap| match wrap {
             Wrap::UseMetadata | Wrap::Black => WrapMode::Black,
@@ -105,9 +105,9 @@ impl Description {
             size: info.levels.first().copied().unwrap_or_default(),
             channels: info.channels,
             format: match info.format {
-                TexelFormat::U8 => Format::U8,
-                TexelFormat::F16 => Format::F16,
-                TexelFormat::F32 => Format::F32,
+                TexelFormat::U8 => TxFormat::U8,
+                TexelFormat::F16 => TxFormat::F16,
+                TexelFormat::F32 => TxFormat::F32,
             },
             first_level,
             is_srgb: info.is_srgb,
@@ -136,9 +136,9 @@ impl Description {
 
     fn format(&self) -> TexelFormat {
         match self.format {
-            Format::U8 => TexelFormat::U8,
-            Format::F16 => TexelFormat::F16,
-            Format::F32 => TexelFormat::F32,
+            TxFormat::U8 => TexelFormat::U8,
+            TxFormat::F16 => TexelFormat::F16,
+            TxFormat::F32 => TexelFormat::F32,
         }
     }
 
@@ -155,23 +155,23 @@ impl Description {
     }
 
     /// How level 0 is cut, for texels of 4 bytes: the bytes of a texel change nothing of the sizes of levels.
-    fn layout(&self) -> Result<Layout, LayoutError> {
+    fn layout(&self) -> Result<TileLayout, LayoutError> {
         match self.size {
-            [TILE_SIDE, height] if self.is_flat => Layout::of_rows(height.saturating_mul(TILE_SIDE), 4),
-            size => Layout::new(size, 4),
+            [TILE_SIDE, height] if self.is_flat => TileLayout::of_rows(height.saturating_mul(TILE_SIDE), 4),
+            size => TileLayout::new(size, 4),
         }
     }
 
     /// The levels in the file.
-    fn levels(&self) -> Vec<Level> {
+    fn levels(&self) -> Vec<TxLevel> {
         let Ok(layout) = self.layout() else { return Vec::new() };
-        (self.first_level..layout.levels()).map(|level| Level::new(layout.level_size(level))).collect()
+        (self.first_level..layout.levels()).map(|level| TxLevel::new(layout.level_size(level))).collect()
     }
 }
 
 /// How a level is cut in the file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Level {
+struct TxLevel {
     size: [u32; 2],
     /// Texels of each tile; those at the right and upper border are filled up.
     tile: [u32; 2],
@@ -179,7 +179,7 @@ struct Level {
     tiles: [u32; 2],
 }
 
-impl Level {
+impl TxLevel {
     fn new(size: [u32; 2]) -> Self {
         let tile = size.map(|side| TILE_SIDE.min(side.next_multiple_of(TILE_STEP)));
         Self { size, tile, tiles: [size[0].div_ceil(tile[0]), size[1].div_ceil(tile[1])] }

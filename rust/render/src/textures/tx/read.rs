@@ -2,8 +2,8 @@
 //! Reads a file that [`super::TxWriter`] wrote; any other, and a damaged one, is an error. Any thread.
 
 use super::{
-    COMPRESSION, Description, IMAGE_DESCRIPTION, LONG8, Level, MOST_DESCRIPTION, TILE_CHECKSUMS, TILE_LENGTH,
-    TILE_OFFSETS, TILE_WIDTH,
+    COMPRESSION, IMAGE_DESCRIPTION, LONG8, MOST_DESCRIPTION, TILE_CHECKSUMS, TILE_LENGTH, TILE_OFFSETS, TILE_WIDTH,
+    TxDescription, TxLevel,
 };
 use std::fs::File;
 use std::io;
@@ -16,8 +16,8 @@ const MOST_FIELDS: u64 = 64;
 
 /// Where a level's tiles are, as far as it has been read.
 #[derive(Debug)]
-struct Table {
-    level: Level,
+struct TileTable {
+    level: TxLevel,
     offsets_at: u64,
     checksums_at: u64,
     /// Offset and checksum of each tile.
@@ -29,8 +29,8 @@ struct Table {
 pub(crate) struct TxFile {
     file: File,
     bytes: u64,
-    description: Description,
-    tables: Vec<Table>,
+    description: TxDescription,
+    tables: Vec<TileTable>,
 }
 
 impl TxFile {
@@ -42,8 +42,8 @@ impl TxFile {
             return Err(damaged());
         }
         let mut at = u64_of(&head, 8);
-        let mut description: Option<Description> = None;
-        let mut levels: Vec<Level> = Vec::new();
+        let mut description: Option<TxDescription> = None;
+        let mut levels: Vec<TxLevel> = Vec::new();
         let mut tables = Vec::new();
         while at != 0 && (description.is_none() || tables.len() < levels.len()) {
             let count = bounded(u64::from_le_bytes(read_at(&file, at)?), MOST_FIELDS)?;
@@ -58,7 +58,7 @@ impl TxFile {
                 let mut text = vec![0; bounded(length, MOST_DESCRIPTION)?];
                 file.read_exact_at(&mut text, at)?;
                 text.pop();
-                let said: Description = serde_json::from_slice(&text).map_err(io::Error::other)?;
+                let said: TxDescription = serde_json::from_slice(&text).map_err(io::Error::other)?;
                 if !said.is_possible() {
                     return Err(damaged());
                 }
@@ -81,7 +81,7 @@ impl TxFile {
                 return Err(damaged());
             }
             let (offsets_at, checksums_at) = (place(TILE_OFFSETS)?, place(TILE_CHECKSUMS)?);
-            tables.push(Table { level, offsets_at, checksums_at, tiles: OnceLock::new() });
+            tables.push(TileTable { level, offsets_at, checksums_at, tiles: OnceLock::new() });
             at = u64_of(&fields, 20 * count);
         }
         match description {
@@ -91,7 +91,7 @@ impl TxFile {
     }
 
     /// What the image is.
-    pub(crate) fn description(&self) -> &Description {
+    pub(crate) fn description(&self) -> &TxDescription {
         &self.description
     }
 
@@ -123,7 +123,7 @@ impl TxFile {
         Ok(())
     }
 
-    fn tiles<'a>(&self, table: &'a Table) -> io::Result<&'a Vec<(u64, u64)>> {
+    fn tiles<'a>(&self, table: &'a TileTable) -> io::Result<&'a Vec<(u64, u64)>> {
         if let Some(tiles) = table.tiles.get() {
             return Ok(tiles);
         }

@@ -37,7 +37,7 @@ fn byte(level: u32, x: u32, y: u32, k: usize) -> u8 {
 type Tile = (u32, [u32; 2], [u32; 2], Vec<u8>);
 
 /// The tiles of an image and what they hold.
-fn tiles(description: &Description) -> Vec<Tile> {
+fn tiles(description: &TxDescription) -> Vec<Tile> {
     let mut all = Vec::new();
     for (level, cut) in (description.first_level..).zip(description.levels()) {
         for row in 0..cut.tiles[1] {
@@ -57,7 +57,7 @@ fn tiles(description: &Description) -> Vec<Tile> {
     all
 }
 
-fn write(path: &PathBuf, description: &Description) {
+fn write(path: &PathBuf, description: &TxDescription) {
     let mut writer = TxWriter::new(File::create(path).expect("created"), description.clone()).expect("begun");
     // In an order of no kind.
     let mut tiles = tiles(description);
@@ -76,7 +76,7 @@ fn every_tile_round_trips() {
             [(1, TexelFormat::U8), (3, TexelFormat::U8), (2, TexelFormat::F16), (4, TexelFormat::F32)]
         {
             for first in [0, 1, 3] {
-                let description = Description::new("key", &info(size, channels, format), false, first);
+                let description = TxDescription::new("key", &info(size, channels, format), false, first);
                 if !description.is_possible() {
                     continue;
                 }
@@ -101,7 +101,7 @@ fn every_tile_round_trips() {
 #[test]
 fn an_unfinished_file_is_not_found() {
     let folder = Folder::new("half");
-    let description = Description::new("key", &info([300, 260], 4, TexelFormat::U8), false, 0);
+    let description = TxDescription::new("key", &info([300, 260], 4, TexelFormat::U8), false, 0);
     let path = folder.0.join("a.tx");
     let mut writer = TxWriter::new(File::create(&path).expect("created"), description.clone()).expect("begun");
     let all = tiles(&description);
@@ -116,7 +116,7 @@ fn an_unfinished_file_is_not_found() {
 #[test]
 fn damaged_files_are_errors() {
     let folder = Folder::new("damage");
-    let description = Description::new("key", &info([200, 150], 3, TexelFormat::U8), false, 0);
+    let description = TxDescription::new("key", &info([200, 150], 3, TexelFormat::U8), false, 0);
     let path = folder.0.join("a.tx");
     write(&path, &description);
     let whole = std::fs::read(&path).expect("there");

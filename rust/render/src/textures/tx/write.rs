@@ -2,9 +2,10 @@
 //! Writes a file; see the module above.
 
 use super::{
-    ASCII, BITS_PER_SAMPLE, COMPRESSION, Description, EXTRA_SAMPLES, Format, IMAGE_DESCRIPTION, IMAGE_LENGTH,
-    IMAGE_WIDTH, LONG, LONG8, Level, NEW_SUBFILE_TYPE, ORIENTATION, PHOTOMETRIC, PLANAR_CONFIGURATION, SAMPLE_FORMAT,
-    SAMPLES_PER_PIXEL, SHORT, SOFTWARE, TILE_BYTE_COUNTS, TILE_CHECKSUMS, TILE_LENGTH, TILE_OFFSETS, TILE_WIDTH,
+    ASCII, BITS_PER_SAMPLE, COMPRESSION, EXTRA_SAMPLES, IMAGE_DESCRIPTION, IMAGE_LENGTH, IMAGE_WIDTH, LONG, LONG8,
+    NEW_SUBFILE_TYPE, ORIENTATION, PHOTOMETRIC, PLANAR_CONFIGURATION, SAMPLE_FORMAT, SAMPLES_PER_PIXEL, SHORT,
+    SOFTWARE, TILE_BYTE_COUNTS, TILE_CHECKSUMS, TILE_LENGTH, TILE_OFFSETS, TILE_WIDTH, TxDescription, TxFormat,
+    TxLevel,
 };
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use xxhash_rust::xxh3::xxh3_64;
@@ -15,8 +16,8 @@ const BUFFER_BYTES: usize = 1 << 20;
 
 /// Where the tiles of a level lie.
 #[derive(Debug)]
-struct Table {
-    level: Level,
+struct TileOffsets {
+    level: TxLevel,
     /// 0: not there yet.
     offsets: Vec<u64>,
     checksums: Vec<u64>,
@@ -27,13 +28,13 @@ struct Table {
 pub(crate) struct TxWriter<W: Write + Seek> {
     out: BufWriter<W>,
     position: u64,
-    description: Description,
-    tables: Vec<Table>,
+    description: TxDescription,
+    tables: Vec<TileOffsets>,
     padded: Vec<u8>,
 }
 
 /// A field of a directory.
-struct Field {
+struct DirectoryField {
     tag: u16,
     kind: u16,
     count: u64,
@@ -43,10 +44,11 @@ struct Field {
 
 impl<W: Write + Seek> TxWriter<W> {
     /// Begins a file.
-    pub(crate) fn new(out: W, description: Description) -> io::Result<Self> {
+    pub(crate) fn new(out: W, description: TxDescription) -> io::Result<Self> {
         let mut out = BufWriter::with_capacity(BUFFER_BYTES, out);
         out.write_all(&[0; HEAD])?;
-        let table = |level: Level| Table { level, offsets: vec![0; level.count()], checksums: vec![0; level.count()] };
+        let table =
+            |level: TxLevel| TileOffsets { level, offsets: vec![0; level.count()], checksums: vec![0; level.count()] };
         let tables = description.levels().into_iter().map(table).collect();
         Ok(Self { out, position: HEAD as u64, description, tables, padded: Vec::new() })
     }
@@ -116,13 +118,13 @@ impl<W: Write + Seek> TxWriter<W> {
     }
 
     /// The fields of a directory; values of more than 8 bytes are written at once, and the field says where.
-    fn fields(&mut self, index: usize, table: &Table) -> io::Result<Vec<Field>> {
-        let Level { size, tile, .. } = table.level;
+    fn fields(&mut self, index: usize, table: &TileOffsets) -> io::Result<Vec<DirectoryField>> {
+        let TxLevel { size, tile, .. } = table.level;
         let channels = self.description.channels;
         let (bits, format): (u16, u16) = match self.description.format {
-            Format::U8 => (8, 1),
-            Format::F16 => (16, 3),
-            Format::F32 => (32, 3),
+            TxFormat::U8 => (8, 1),
+            TxFormat::F16 => (16, 3),
+            TxFormat::F32 => (32, 3),
         };
         let shorts = |value: u16| [value.to_le_bytes(); 4].concat()[..2 * channels as usize].to_vec();
         let numbers = |values: &[u64]| values.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>();
@@ -167,7 +169,7 @@ impl<W: Write + Seek> TxWriter<W> {
                 value = at.to_le_bytes().to_vec();
             }
             value.resize(8, 0);
-            placed.push(Field { tag, kind, count, value });
+            placed.push(DirectoryField { tag, kind, count, value });
         }
         Ok(placed)
     }

@@ -4,7 +4,7 @@
 use super::cases::{CASE_FLOATS, Case};
 use glam::DVec3;
 use oocpt_abi::{Features, groups};
-use oocpt_gpu::{Buffer, Gpu, OpenOptions, Pipeline, Usage};
+use oocpt_gpu::{Buffer, BufferUsage, Gpu, OpenOptions, Pipeline};
 use oocpt_render::bsdf_tables;
 use oocpt_shaders::checks;
 use std::sync::Arc;
@@ -75,8 +75,8 @@ impl Device {
     fn run(&self, mode: Mode, input: &[f32], threads: usize, floats: usize, [points, seed]: [u32; 2]) -> Vec<f32> {
         let input = upload(&self.gpu, bytemuck::cast_slice(input));
         let bytes = 4 * (threads * floats) as u64;
-        let results = Buffer::new(&self.gpu, "results", bytes, Usage::Device).expect("small");
-        let copy = Buffer::new(&self.gpu, "copy", bytes, Usage::Readback).expect("small");
+        let results = Buffer::new(&self.gpu, "results", bytes, BufferUsage::Device).expect("small");
+        let copy = Buffer::new(&self.gpu, "copy", bytes, BufferUsage::Readback).expect("small");
         let (tables, from) = (self.tables.address(), input.address());
         let sheen = self.sheen.as_ref().map_or(0, Buffer::address);
         let push = [tables, from, results.address(), threads as u64, mode as u64, points.into(), seed.into(), sheen];
@@ -131,7 +131,7 @@ impl Device {
 }
 
 fn upload(gpu: &Arc<Gpu>, bytes: &[u8]) -> Buffer {
-    let buffer = Buffer::new(gpu, "input", bytes.len() as u64, Usage::Upload).expect("small");
+    let buffer = Buffer::new(gpu, "input", bytes.len() as u64, BufferUsage::Upload).expect("small");
     buffer.write(0, bytes).expect("mapped");
     buffer
 }

@@ -257,7 +257,7 @@ fn any_glass_in_a_white_furnace_disappears() {
             Case { wo, roughness, ior, ..glass() }
         })
         .collect();
-    let normals = oocpt_render::bsdf_tables::glass::Normals::new(1 << 15);
+    let normals = oocpt_render::bsdf_tables::glass::VisibleNormals::new(1 << 15);
     let mut worst: f64 = 0.0;
     let mut rough = 0;
     for (case, answer) in cases.iter().zip(device.cases(&cases)) {

@@ -12,7 +12,7 @@ use oocpt_abi::{Features, LEAF_KINDS, LEAVES};
 use oocpt_core::TypedArray;
 use oocpt_core::camera::Camera;
 use oocpt_core::mesh::LeafKind;
-use oocpt_core::scene::{Interpolation, MeshDesc, Primvar, SceneDb, Shape};
+use oocpt_core::scene::{Interpolation, MeshDesc, PrimShape, Primvar, SceneDb};
 use oocpt_core::settings::Settings;
 use oocpt_render::{AovKind, Session, SessionOptions};
 use std::collections::BTreeSet;
@@ -29,7 +29,7 @@ fn scattered(i: u32) -> DVec3 {
 /// Boxes between points that follow each other.
 fn boxes(path: &str, id: i32, transform: DMat4, corners: Vec<[f32; 3]>) -> MeshDesc {
     let desc = mesh(prim(path, transform), id, Vec::new(), &[], 0.5);
-    MeshDesc { shape: Shape::ToyBoxes, points: TypedArray::of(corners), ..desc }
+    MeshDesc { shape: PrimShape::ToyBoxes, points: TypedArray::of(corners), ..desc }
 }
 
 /// Opposite corners of `count` boxes in `range`, any two of the eight.

@@ -5,7 +5,7 @@ use crate::lights::light;
 use crate::materials::{board, coordinates, material, node, plain, textured, with};
 use crate::scenes::{instanced, instancer, prim};
 use glam::{DMat4, DQuat, DVec3};
-use oocpt_core::Element;
+use oocpt_core::ArrayElement;
 use oocpt_core::array::TypedArray;
 use oocpt_core::scene::TransformSample;
 use oocpt_core::scene::{
@@ -51,7 +51,7 @@ pub(crate) fn papered(db: &mut SceneDb, input: &str, output: &str, params: &[(&s
 }
 
 /// A row of two boards in an instancer, with a primvar of a value for each.
-pub(crate) fn placed<T: Element + std::fmt::Debug>(db: &mut SceneDb, name: &str, values: Vec<T>) {
+pub(crate) fn placed<T: ArrayElement + std::fmt::Debug>(db: &mut SceneDb, name: &str, values: Vec<T>) {
     let mesh = bare("/row/board");
     db.upsert_mesh(MeshDesc { prim: instanced(mesh.prim.clone(), "/row"), ..mesh });
     let places = [-0.5, 0.5].map(|x| (DVec3::X * x, DQuat::IDENTITY, DVec3::splat(0.4)));

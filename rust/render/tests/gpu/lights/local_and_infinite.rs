@@ -9,7 +9,7 @@ use crate::scenes::{prim, square};
 use crate::support::{color_request, orthographic, read, render, session, settings};
 use glam::{DMat4, DVec3};
 use oocpt_core::scene::SceneDb;
-use oocpt_core::{LightDesc, LightKind, Shaping};
+use oocpt_core::{LightDesc, LightKind, ShapingCone};
 use oocpt_render::AovKind;
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -116,7 +116,7 @@ fn brighter_groups_get_a_larger_share_of_shadow_rays() {
     let spot = |degrees: f64| {
         move |db: &mut SceneDb| {
             db.upsert_light(sun(1.0, 0.0));
-            let shaping = Some(Shaping { cone_angle_degrees: 10.0, ..Shaping::default() });
+            let shaping = Some(ShapingCone { cone_angle_degrees: 10.0, ..ShapingCone::default() });
             let turn = downwards(at) * DMat4::from_rotation_x(degrees.to_radians());
             let value = 100.0 / (0.0004 * std::f32::consts::PI);
             db.upsert_light(LightDesc { shaping, intensity: value, ..light(sphere(0.02), turn) });

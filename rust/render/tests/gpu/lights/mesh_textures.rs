@@ -14,9 +14,9 @@ use oocpt_core::scene::{
     Primvar, SceneDb,
 };
 use oocpt_core::texture::TexelFormat;
-use oocpt_core::{Element, TypedArray};
+use oocpt_core::{ArrayElement, TypedArray};
 use oocpt_render::AovKind;
-use oocpt_render::textures::{Image, ImageError, ImageInfo, ImageLibrary};
+use oocpt_render::textures::{ImageError, ImageInfo, ImageLibrary, SourceImage};
 use std::f64::consts::PI;
 use std::sync::Arc;
 
@@ -60,7 +60,7 @@ pub(super) fn by_texture(file: &str, scale: f32) -> MaterialDesc {
 pub(super) struct Library(pub(super) &'static str);
 
 impl ImageLibrary for Library {
-    fn open(&self, asset: &AssetRef) -> Result<Arc<dyn Image>, ImageError> {
+    fn open(&self, asset: &AssetRef) -> Result<Arc<dyn SourceImage>, ImageError> {
         match &*asset.resolved {
             "steps" => Ok(Arc::new(Self("steps"))),
             "letters" => Ok(Arc::new(Self("letters"))),
@@ -70,7 +70,7 @@ impl ImageLibrary for Library {
     }
 }
 
-impl Image for Library {
+impl SourceImage for Library {
     fn info(&self) -> ImageInfo {
         let levels = match self.0 {
             "steps" => (0..10).map(|level| [512 >> level; 2]).collect(),
@@ -93,7 +93,7 @@ impl Image for Library {
     }
 }
 
-pub(super) fn add<T: Element + std::fmt::Debug>(
+pub(super) fn add<T: ArrayElement + std::fmt::Debug>(
     desc: &mut MeshDesc,
     name: &str,
     interpolation: Interpolation,

@@ -8,7 +8,7 @@ use crate::scenes::{dome, instanced, instancer, prim, square, sun};
 use crate::streaming::MOVING_LAMPS;
 use crate::support::{color_request, perspective, read, render, session, settings};
 use glam::{DMat4, DQuat, DVec3};
-use oocpt_core::scene::{LightKind, SceneDb, Shaping, TransformSample};
+use oocpt_core::scene::{LightKind, SceneDb, ShapingCone, TransformSample};
 use oocpt_core::settings::Settings;
 use oocpt_core::{DomeFormat, LightDesc, TypedArray};
 use oocpt_render::AovKind;
@@ -135,7 +135,7 @@ fn moving_shaped_lights_turn_their_cone() {
     // A spot that sweeps over the floor, from one side to the other.
     let sweep = |time: f64| downwards(DVec3::new(0.3, 2.0, 0.0)) * DMat4::from_rotation_y(1.6 * (time - 0.4));
     let spot = || LightDesc {
-        shaping: Some(Shaping { cone_angle_degrees: 25.0, cone_softness: 0.5, ..Shaping::default() }),
+        shaping: Some(ShapingCone { cone_angle_degrees: 25.0, cone_softness: 0.5, ..ShapingCone::default() }),
         ..light(disk(0.3), DMat4::IDENTITY)
     };
     against_stills("a spot", &spot, &sweep, 0.02);

@@ -4,22 +4,22 @@
 use super::{TestFiles, downwards, expect, irradiances, light, rect, sphere};
 use glam::{DMat4, DVec3};
 use oocpt_core::scene::blackbody;
-use oocpt_core::{LightDesc, Shaping};
+use oocpt_core::{LightDesc, ShapingCone};
 use std::f64::consts::PI;
 
 const RADIUS: f32 = 0.01;
 
 /// A small sphere at distance 2, `degrees` away from straight above the floor, that points straight down: the floor
 /// sees it under that angle to its axis. And its irradiance without shaping.
-fn leaning(degrees: f64, shaping: Shaping) -> (LightDesc, f64) {
+fn leaning(degrees: f64, shaping: ShapingCone) -> (LightDesc, f64) {
     let angle = degrees.to_radians();
     let at = DVec3::new(2.0 * angle.sin(), 2.0 * angle.cos(), 0.0);
     let plain = PI * f64::from(RADIUS).powi(2) / 4.0 * angle.cos();
     (LightDesc { shaping: Some(shaping), ..light(sphere(RADIUS), downwards(at)) }, plain)
 }
 
-fn cone(degrees: f32, softness: f32) -> Shaping {
-    Shaping { cone_angle_degrees: degrees, cone_softness: softness, ..Shaping::default() }
+fn cone(degrees: f32, softness: f32) -> ShapingCone {
+    ShapingCone { cone_angle_degrees: degrees, cone_softness: softness, ..ShapingCone::default() }
 }
 
 #[test]
@@ -46,7 +46,7 @@ fn a_cone_ends_at_its_angle_and_fades_by_its_softness() {
 
 #[test]
 fn focus_is_a_power_of_the_cosine_and_tints_what_it_takes() {
-    let shaping = Shaping { focus: 3.0, focus_tint: [1.0, 0.5, 0.0], ..cone(180.0, 0.0) };
+    let shaping = ShapingCone { focus: 3.0, focus_tint: [1.0, 0.5, 0.0], ..cone(180.0, 0.0) };
     let (light, plain) = leaning(40.0, shaping);
     let factor = 40.0_f64.to_radians().cos().powi(3);
     for given in irradiances(64, &|db| db.upsert_light(light.clone())) {
@@ -62,7 +62,7 @@ fn focus_is_a_power_of_the_cosine_and_tints_what_it_takes() {
 fn profiles_scale_radiance_by_candelas() {
     let profile = |degrees: f64, normalize: bool, scale: f32| {
         let ies = Some(TestFiles::asset("cosine.ies"));
-        let shaping = Shaping { ies, ies_normalize: normalize, ies_angle_scale: scale, ..cone(180.0, 0.0) };
+        let shaping = ShapingCone { ies, ies_normalize: normalize, ies_angle_scale: scale, ..cone(180.0, 0.0) };
         leaning(degrees, shaping)
     };
     for degrees in [0.0_f64, 30.0, 60.0] {
@@ -86,14 +86,14 @@ fn profiles_scale_radiance_by_candelas() {
 /// The cone is not the profile's, and a focus goes backwards as it goes forwards.
 #[test]
 fn lamps_that_point_up_shine_down_by_profile_and_focus() {
-    let upwards = |shaping: Shaping| {
+    let upwards = |shaping: ShapingCone| {
         let up = DMat4::from_translation(DVec3::Y * 2.0) * DMat4::from_rotation_x(PI / 2.0);
         LightDesc { shaping: Some(shaping), ..light(sphere(RADIUS), up) }
     };
     let plain = PI * f64::from(RADIUS).powi(2) / 4.0;
-    let even = Shaping { ies: Some(TestFiles::asset("even.ies")), ..Shaping::default() };
+    let even = ShapingCone { ies: Some(TestFiles::asset("even.ies")), ..ShapingCone::default() };
     expect("even profile", 64, 3.0 * plain, 5e-3, &|db| db.upsert_light(upwards(even.clone())));
-    let focus = Shaping { focus: 2.0, ..cone(180.0, 0.0) };
+    let focus = ShapingCone { focus: 2.0, ..cone(180.0, 0.0) };
     expect("focus", 64, plain, 5e-3, &|db| db.upsert_light(upwards(focus.clone())));
     expect("cone", 64, 0.0, 0.0, &|db| db.upsert_light(upwards(cone(120.0, 0.0))));
 }

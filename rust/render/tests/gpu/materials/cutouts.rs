@@ -3,7 +3,7 @@
 
 use super::*;
 use oocpt_abi::MaterialInput;
-use oocpt_core::material::{Input, compile};
+use oocpt_core::material::{InputValue, compile};
 use oocpt_core::materialx::eval::run;
 
 const OPEN_PBR: &str = "ND_open_pbr_surface_surfaceshader";
@@ -39,7 +39,7 @@ fn opacity(desc: &MaterialDesc, pixel: usize) -> f32 {
     assert_eq!(compiled.problem(), None, "all of it is understood");
     let material = compiled.material.expect("a surface");
     let register = match *material.input(MaterialInput::Opacity) {
-        Input::Register(register) => Some(register),
+        InputValue::Register(register) => Some(register),
         _ => None,
     };
     let register = register.expect("the opacity has a program");

@@ -9,7 +9,7 @@ use crate::lights::light;
 use crate::scenes::sun;
 use crate::support::render_with_messages;
 use oocpt_core::LightKind;
-use oocpt_core::scene::{CurveBasis, CurveWrap, CurvesDesc, Shape};
+use oocpt_core::scene::{CurveBasis, CurveWrap, CurvesDesc, PrimShape};
 
 fn numbers([x, y]: [f32; 2]) -> ParamValue {
     ParamValue::Vec2([x, y])
@@ -24,7 +24,7 @@ pub(crate) fn hair_of(path: &str, params: &[(&str, ParamValue)]) -> MaterialDesc
 pub(crate) fn curves(path: &str, basis: CurveBasis, lines: &[Vec<[f32; 3]>], width: f32) -> MeshDesc {
     let counts: Vec<i32> = lines.iter().map(|line| i32::try_from(line.len()).expect("few")).collect();
     MeshDesc {
-        shape: Shape::Curves(CurvesDesc {
+        shape: PrimShape::Curves(CurvesDesc {
             basis,
             wrap: if basis == CurveBasis::Linear { CurveWrap::Nonperiodic } else { CurveWrap::Pinned },
             counts: TypedArray::of(counts),

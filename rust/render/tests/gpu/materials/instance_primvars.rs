@@ -7,7 +7,11 @@ use oocpt_core::scene::InstancerDesc;
 use oocpt_core::settings::Settings;
 
 /// A primvar of an instancer.
-fn per_instance<T: Element + std::fmt::Debug>(mut desc: InstancerDesc, name: &str, values: Vec<T>) -> InstancerDesc {
+fn per_instance<T: ArrayElement + std::fmt::Debug>(
+    mut desc: InstancerDesc,
+    name: &str,
+    values: Vec<T>,
+) -> InstancerDesc {
     let primvar = Primvar { interpolation: Interpolation::Instance, values: TypedArray::of(values), indices: None };
     desc.primvars.push(NamedPrimvar { name: name.into(), primvar });
     desc

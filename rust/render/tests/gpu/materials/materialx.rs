@@ -5,9 +5,9 @@
 use super::*;
 use crate::scenes::sun;
 use oocpt_abi::MaterialInput;
-use oocpt_core::material::{Input, compile};
+use oocpt_core::material::{InputValue, compile};
 use oocpt_core::materialx::eval::run;
-use oocpt_core::materialx::program::{Geometry, Lookup};
+use oocpt_core::materialx::program::{Geometry, ProgramLookup};
 
 const OPEN_PBR: &str = "ND_open_pbr_surface_surfaceshader";
 
@@ -69,7 +69,7 @@ fn device_programs_match_the_host_evaluator() {
     let compiled = compile(&desc);
     assert_eq!(compiled.problem(), None);
     let material = compiled.material.expect("a surface");
-    let Input::Register(register) = *material.input(MaterialInput::DiffuseColor) else { panic!("{material:?}") };
+    let InputValue::Register(register) = *material.input(MaterialInput::DiffuseColor) else { panic!("{material:?}") };
     let albedo: Vec<[f32; 3]> = read(&session, &request, AovKind::Albedo);
     let mut seen = Vec::new();
     for (pixel, got) in albedo.iter().enumerate() {
@@ -99,7 +99,7 @@ fn dependent_texture_lookups_use_the_computed_coordinates() {
         1,
     );
     let material = compile(&distorted("/m")).material.expect("a surface");
-    let Input::Register(register) = *material.input(MaterialInput::DiffuseColor) else { panic!("{material:?}") };
+    let InputValue::Register(register) = *material.input(MaterialInput::DiffuseColor) else { panic!("{material:?}") };
     let albedo: Vec<[f32; 3]> = read(&session, &request, AovKind::Albedo);
     // Bilinear over the two by two texels that Ramps has, clamped or repeated.
     let texel = |column: usize, row: usize| {
@@ -108,7 +108,7 @@ fn dependent_texture_lookups_use_the_computed_coordinates() {
         let at = 4 * (2 * row + column);
         [bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]].map(|byte| f32::from(byte) / 255.0)
     };
-    let lookup = |_: &Lookup, [s, t]: [f32; 2], clamps: bool| {
+    let lookup = |_: &ProgramLookup, [s, t]: [f32; 2], clamps: bool| {
         let along = |s: f32, clamps: bool| {
             let x = 2.0 * s - 0.5;
             let (low, share) = (x.floor(), x - x.floor());

@@ -23,9 +23,9 @@ use oocpt_core::scene::{
     Primvar, SceneDb, SubsetDesc,
 };
 use oocpt_core::texture::TexelFormat;
-use oocpt_core::{Element, TypedArray};
-use oocpt_ptex::{DataType, Face, MeshType, PtexWriter, ReadAt};
-use oocpt_render::textures::{Image, ImageError, ImageInfo, ImageLibrary};
+use oocpt_core::{ArrayElement, TypedArray};
+use oocpt_ptex::{DataType, MeshType, PtexFace, PtexWriter, ReadAt};
+use oocpt_render::textures::{ImageError, ImageInfo, ImageLibrary, SourceImage};
 use oocpt_render::{AovKind, RenderRequest, Session, SessionOptions};
 use std::sync::Arc;
 
@@ -72,7 +72,7 @@ pub(super) fn board(path: &str, prim_id: i32, material: &str) -> MeshDesc {
     desc
 }
 
-pub(super) fn with<T: Element + std::fmt::Debug>(
+pub(super) fn with<T: ArrayElement + std::fmt::Debug>(
     mut desc: MeshDesc,
     name: &str,
     interpolation: Interpolation,
@@ -100,7 +100,7 @@ pub(super) fn shown(build: impl FnOnce(&mut SceneDb), samples: u32) -> (Session,
 pub(super) struct Ramps;
 
 impl ImageLibrary for Ramps {
-    fn open(&self, _: &AssetRef) -> Result<Arc<dyn Image>, ImageError> {
+    fn open(&self, _: &AssetRef) -> Result<Arc<dyn SourceImage>, ImageError> {
         Ok(Arc::new(Self))
     }
 
@@ -112,13 +112,13 @@ impl ImageLibrary for Ramps {
 /// A Ptex file of a face of 2 x 2 texels for each of the board's four.
 pub(super) fn ptex_file() -> Result<Box<dyn ReadAt>, ImageError> {
     let written = PtexWriter::new(Vec::new(), MeshType::Quad, DataType::U8, 1, None, 4).and_then(|mut writer| {
-        (0..4).try_for_each(|face| writer.push_face(&Face::new([1, 1]), &[51 * face, 80, 120, 255]))?;
+        (0..4).try_for_each(|face| writer.push_face(&PtexFace::new([1, 1]), &[51 * face, 80, 120, 255]))?;
         writer.finish()
     });
     Ok(Box::new(written.map_err(|error| ImageError(error.to_string()))?))
 }
 
-impl Image for Ramps {
+impl SourceImage for Ramps {
     fn info(&self) -> ImageInfo {
         ImageInfo {
             levels: vec![[2, 2]],

@@ -8,7 +8,7 @@ use cases::{Case, extreme, ops, ordinary};
 use oocpt_abi::{Features, groups};
 use oocpt_core::materialx::eval::evaluate;
 use oocpt_core::materialx::program::Op;
-use oocpt_gpu::{Buffer, Gpu, OpenOptions, Pipeline, Usage};
+use oocpt_gpu::{Buffer, BufferUsage, Gpu, OpenOptions, Pipeline};
 use oocpt_shaders::checks;
 use std::time::Duration;
 
@@ -59,11 +59,11 @@ fn run(cases: &[Case]) -> Vec<[f32; 4]> {
         Pipeline::new(&gpu, module.name, &module.specialised(&constants), &constants, 24).expect("the pass compiles");
     let words: Vec<u32> = cases.iter().flat_map(Case::words).collect();
     let bytes: &[u8] = bytemuck::cast_slice(&words);
-    let input = Buffer::new(&gpu, "cases", bytes.len() as u64, Usage::Upload).expect("small");
+    let input = Buffer::new(&gpu, "cases", bytes.len() as u64, BufferUsage::Upload).expect("small");
     input.write(0, bytes).expect("mapped");
     let size = 16 * cases.len() as u64;
-    let results = Buffer::new(&gpu, "results", size, Usage::Device).expect("small");
-    let copy = Buffer::new(&gpu, "copy", size, Usage::Readback).expect("small");
+    let results = Buffer::new(&gpu, "results", size, BufferUsage::Device).expect("small");
+    let copy = Buffer::new(&gpu, "copy", size, BufferUsage::Readback).expect("small");
     let push = [input.address(), results.address(), cases.len() as u64];
     let mut commands = gpu.commands("patterns").expect("a list");
     commands.dispatch(&pipeline, bytemuck::cast_slice(&push), groups(cases.len() as u64));

@@ -10,7 +10,7 @@ use oocpt_abi::{
 use oocpt_core::mesh::bvh4::build_bvh4;
 use oocpt_core::mesh::{LeafKind, build_box_bvh, level_nodes};
 use oocpt_core::{Aabb, Triangle};
-use oocpt_gpu::{Buffer, Gpu, Usage};
+use oocpt_gpu::{Buffer, BufferUsage, Gpu};
 use std::sync::Arc;
 
 /// Where the world is: a float knows places here to a sixteenth only.
@@ -225,7 +225,7 @@ impl Scene {
     /// Places `items` where the device can read them.
     fn put<T: bytemuck::Pod>(&mut self, items: &[T]) -> u64 {
         let bytes = bytemuck::cast_slice(items);
-        let buffer = Buffer::new(&self.gpu, "scene", bytes.len() as u64, Usage::Upload).expect("small");
+        let buffer = Buffer::new(&self.gpu, "scene", bytes.len() as u64, BufferUsage::Upload).expect("small");
         buffer.write(0, bytes).expect("mapped");
         self.kept.push(buffer);
         self.kept.last().expect("just pushed").address()

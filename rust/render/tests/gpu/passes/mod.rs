@@ -9,7 +9,7 @@ mod streamed;
 
 use glam::DVec3;
 use handmade_scene::{CHUNKS, FAR, Scene};
-use oocpt_abi::{Counters, FAULT_ALL, Features, FilmPixel};
+use oocpt_abi::{FAULT_ALL, Features, FilmPixel, WavefrontCounters};
 use oocpt_gpu::{Gpu, OpenOptions};
 use pass_runner::{Images, PATHS, Tracer};
 use std::sync::Arc;
@@ -32,7 +32,7 @@ fn close_device(gpu: &Gpu) {
     assert!(messages.is_empty(), "Vulkan validation: {messages:?}");
 }
 
-fn in_core(gpu: &Arc<Gpu>, scene: &Scene) -> (Images, Counters) {
+fn in_core(gpu: &Arc<Gpu>, scene: &Scene) -> (Images, WavefrontCounters) {
     let mut tracer = Tracer::new(gpu, scene, IN_CORE);
     let images = tracer.wave();
     let ids: &[i32] = bytemuck::cast_slice(&images.ids);
@@ -41,8 +41,8 @@ fn in_core(gpu: &Arc<Gpu>, scene: &Scene) -> (Images, Counters) {
     (images, tracer.read("counters")[0])
 }
 
-fn check(totals: &Totals, wave: &Counters) {
-    let rays = |counters: &Counters| (counters.closest_rays, counters.shadow_rays);
+fn check(totals: &Totals, wave: &WavefrontCounters) {
+    let rays = |counters: &WavefrontCounters| (counters.closest_rays, counters.shadow_rays);
     assert_eq!(rays(&totals.counters), rays(wave), "a ray that waits counts once");
     assert!(totals.counters.chunk_misses > 0, "rays had to wait: {totals:?}");
     assert_eq!(totals.counters.stack_overflows, 0, "the stack suffices");
@@ -73,7 +73,7 @@ fn persistent_threads_change_no_bit() {
     for walkers in [1, 128, 1000] {
         let mut tracer = Tracer::new(&gpu, &scene, IN_CORE).with_walkers(walkers);
         assert!(tracer.wave() == expected, "{walkers} threads for {PATHS} rays, in core");
-        let counters: Counters = tracer.read("counters")[0];
+        let counters: WavefrontCounters = tracer.read("counters")[0];
         assert_eq!(
             counters.trace_args.x,
             walkers.min(counters.ray_args.x * 64).div_ceil(64),

@@ -7,11 +7,12 @@ use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 use oocpt_abi as abi;
 use oocpt_abi::{
-    Counters, Features, FilmPixel, Frame, GpuChunk, GpuInfiniteLight, GpuLightKind, GpuMesh, LightFlags, Lighting,
-    NO_INDEX, Push, PushFlags, Streaming, UnitDemand, groups, sort_blocks,
+    Features, FilmPixel, FrameConstants, GpuChunk, GpuInfiniteLight, GpuLightKind, GpuMesh, LightFlags,
+    LightTablePointers, NO_INDEX, PushConstants, PushFlags, StreamingPointers, UnitDemand, WavefrontCounters, groups,
+    sort_blocks,
 };
-use oocpt_gpu::{Buffer, Commands, Gpu, Pipeline, Usage};
-use oocpt_shaders::{Module, passes};
+use oocpt_gpu::{Buffer, BufferUsage, CommandList, Gpu, Pipeline};
+use oocpt_shaders::{ShaderModule, passes};
 use std::cell::RefCell;
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -44,7 +45,7 @@ pub(super) struct Tracer<'a> {
     pub(super) buffers: HashMap<&'static str, Buffer>,
     /// Kept, because a GPU's driver takes milliseconds to allocate memory that the host reads.
     readback: RefCell<Option<Buffer>>,
-    pub(super) streaming: Streaming,
+    pub(super) streaming: StreamingPointers,
     pub(super) round: u32,
     walkers: u32,
     /// Capacities of the buffers `demanded` and `demand list`, in units.
@@ -62,7 +63,7 @@ impl<'a> Tracer<'a> {
             pipelines: HashMap::new(),
             buffers: HashMap::new(),
             readback: RefCell::new(None),
-            streaming: Streaming::zeroed(),
+            streaming: StreamingPointers::zeroed(),
             round: 0,
             walkers: 1 << 18,
             demand_capacities: [UNITS; 2],
@@ -91,18 +92,18 @@ impl<'a> Tracer<'a> {
         tracer.make("unit rays", 4 * u64::from(UNITS));
         tracer.make("chunks", size_of::<GpuChunk>() as u64 * u64::from(CHUNKS));
         tracer.make("meshes", size_of_val(&*scene.meshes) as u64);
-        tracer.make("counters", size_of::<Counters>() as u64);
+        tracer.make("counters", size_of::<WavefrontCounters>() as u64);
         tracer.make("film", u64::from(PIXELS) * size_of::<FilmPixel>() as u64);
         tracer.make("depth", 4 * u64::from(PIXELS));
         tracer.make("ids", 4 * u64::from(PIXELS));
         let blocks = [
             ("lights", 2 * size_of::<GpuInfiniteLight>()),
-            ("lighting", size_of::<Lighting>()),
-            ("streaming", size_of::<Streaming>()),
-            ("frame", size_of::<Frame>()),
+            ("lighting", size_of::<LightTablePointers>()),
+            ("streaming", size_of::<StreamingPointers>()),
+            ("frame", size_of::<FrameConstants>()),
         ];
         for (name, bytes) in blocks {
-            let buffer = Buffer::new(gpu, name, bytes as u64, Usage::Upload).expect("small");
+            let buffer = Buffer::new(gpu, name, bytes as u64, BufferUsage::Upload).expect("small");
             tracer.buffers.insert(name, buffer);
         }
         tracer.fill_blocks();
@@ -124,7 +125,7 @@ impl<'a> Tracer<'a> {
     }
 
     fn make(&mut self, name: &'static str, bytes: u64) {
-        self.buffers.insert(name, Buffer::new(&self.gpu, name, bytes, Usage::Device).expect("small"));
+        self.buffers.insert(name, Buffer::new(&self.gpu, name, bytes, BufferUsage::Device).expect("small"));
     }
 
     pub(super) fn address(&self, name: &str) -> u64 {
@@ -132,7 +133,7 @@ impl<'a> Tracer<'a> {
     }
 
     fn fill_blocks(&mut self) {
-        self.streaming = Streaming {
+        self.streaming = StreamingPointers {
             segments: self.address("segments"),
             progress: self.address("progress"),
             pending: self.address("pending"),
@@ -157,7 +158,7 @@ impl<'a> Tracer<'a> {
             demand_list: self.address("demand list"),
             demanded_capacity: self.demand_capacities[0],
             demand_capacity: self.demand_capacities[1],
-            ..Streaming::zeroed()
+            ..StreamingPointers::zeroed()
         };
         let dome = GpuInfiniteLight {
             direction: [0.0, 0.0, 1.0],
@@ -182,17 +183,21 @@ impl<'a> Tracer<'a> {
             flags: GpuLightKind::Distant as u32,
             ..dome
         };
-        let lighting = Lighting { infinite_lights: self.address("lights"), infinite_count: 2, ..Lighting::default() };
+        let lighting = LightTablePointers {
+            infinite_lights: self.address("lights"),
+            infinite_count: 2,
+            ..LightTablePointers::default()
+        };
         self.buffers["lights"].write(0, bytemuck::cast_slice(&[dome, sun])).expect("mapped");
         self.buffers["lighting"].write(0, bytemuck::bytes_of(&lighting)).expect("mapped");
         self.buffers["streaming"].write(0, bytemuck::bytes_of(&self.streaming)).expect("mapped");
         self.buffers["frame"].write(0, bytemuck::bytes_of(&self.frame())).expect("mapped");
     }
 
-    fn frame(&self) -> Frame {
+    fn frame(&self) -> FrameConstants {
         let eye = self.scene.at + DVec3::new(0.3, 0.2, 9.0);
         let high = eye.as_vec3();
-        let mut frame = Frame {
+        let mut frame = FrameConstants {
             top_nodes: self.scene.top_nodes,
             chunk_instances: self.scene.chunk_instances,
             chunks: self.address("chunks"),
@@ -225,7 +230,7 @@ impl<'a> Tracer<'a> {
             most_walkers: self.walkers,
             max_bounces: BOUNCES,
             flags: 1,
-            ..Frame::zeroed()
+            ..FrameConstants::zeroed()
         };
         frame.aov.camera_depth = self.address("depth");
         frame.aov.instance_id = self.address("ids");
@@ -233,7 +238,13 @@ impl<'a> Tracer<'a> {
         frame
     }
 
-    pub(super) fn run(&mut self, commands: &mut Commands, module: &'static Module, push: Push, launch: Launch) {
+    pub(super) fn run(
+        &mut self,
+        commands: &mut CommandList,
+        module: &'static ShaderModule,
+        push: PushConstants,
+        launch: Launch,
+    ) {
         let [low, high] = self.features.constants();
         let spec = [(0, LEVELS), (1, STACK), low, high, (abi::SPEC_FAULT, self.fault)];
         let pipeline = self.pipelines.entry(module.name).or_insert_with(|| {
@@ -247,7 +258,7 @@ impl<'a> Tracer<'a> {
         }
     }
 
-    fn submit(&self, record: impl FnOnce(&mut Commands)) {
+    fn submit(&self, record: impl FnOnce(&mut CommandList)) {
         let mut commands = self.gpu.commands("test").expect("a list");
         record(&mut commands);
         let submission = commands.submit().expect("submitted");
@@ -260,7 +271,7 @@ impl<'a> Tracer<'a> {
         let size = source.size();
         let mut readback = self.readback.borrow_mut();
         if readback.as_ref().is_none_or(|buffer| buffer.size() < size) {
-            *readback = Some(Buffer::new(&self.gpu, "readback", size, Usage::Readback).expect("small"));
+            *readback = Some(Buffer::new(&self.gpu, "readback", size, BufferUsage::Readback).expect("small"));
         }
         let copy = readback.as_ref().expect("made above");
         self.submit(|c| c.copy(source, 0, copy, 0, size));
@@ -290,10 +301,10 @@ impl<'a> Tracer<'a> {
         self.set_chunks(&self.scene.chunks);
         self.set_meshes(&self.scene.meshes);
         let mut commands = self.gpu.commands("wave").expect("a list");
-        let q = Push::wave(self.address("frame"), 0, PIXELS, PIXELS).flagged(PushFlags::AOVS);
+        let q = PushConstants::wave(self.address("frame"), 0, PIXELS, PIXELS).flagged(PushFlags::AOVS);
         self.run(&mut commands, &passes::GENERATE_AOV_RAYS, q, Launch::Threads(PIXELS));
         self.round(&mut commands, q);
-        let q = Push::wave(self.address("frame"), 0, PATHS, PIXELS);
+        let q = PushConstants::wave(self.address("frame"), 0, PATHS, PIXELS);
         self.run(&mut commands, &passes::GENERATE_CAMERA_RAYS, q, Launch::Threads(PATHS));
         for round in 0..=BOUNCES + 1 {
             self.round(&mut commands, q.with(round, 0));
@@ -304,21 +315,21 @@ impl<'a> Tracer<'a> {
     }
 
     /// Traces and shades one round; in core the last one has shadow rays only.
-    pub(super) fn round(&mut self, c: &mut Commands, q: Push) {
+    pub(super) fn round(&mut self, c: &mut CommandList, q: PushConstants) {
         let aovs = q.flags == PushFlags::AOVS.bits();
         let streams = self.features.contains(Features::STREAMING);
         self.run(c, &passes::PREPARE_DISPATCH, q.with(q.round, abi::PREPARE_TRACE), Launch::Threads(1));
         if streams || aovs || q.round <= BOUNCES {
-            self.run(c, &passes::INTERSECT_CLOSEST, q, Launch::Indirect(Counters::TRACE_ARGS));
+            self.run(c, &passes::INTERSECT_CLOSEST, q, Launch::Indirect(WavefrontCounters::TRACE_ARGS));
         }
         if !aovs {
-            self.run(c, &passes::INTERSECT_SHADOW, q, Launch::Indirect(Counters::SHADOW_ARGS));
+            self.run(c, &passes::INTERSECT_SHADOW, q, Launch::Indirect(WavefrontCounters::SHADOW_ARGS));
         }
         if !streams && q.round > BOUNCES {
             return;
         }
         if streams {
-            self.run(c, &passes::RECORD_SURFACES, q, Launch::Indirect(Counters::RAY_ARGS));
+            self.run(c, &passes::RECORD_SURFACES, q, Launch::Indirect(WavefrontCounters::RAY_ARGS));
         }
         self.run(c, &passes::PREPARE_DISPATCH, q.with(q.round, abi::PREPARE_SHADE), Launch::Threads(1));
         let (surfaces, escaped) = if aovs {
@@ -326,8 +337,8 @@ impl<'a> Tracer<'a> {
         } else {
             (&passes::SHADE_SURFACE, &passes::SHADE_BACKGROUND)
         };
-        self.run(c, escaped, q.with(q.round, abi::AOV_ESCAPED), Launch::Indirect(Counters::ESCAPED_ARGS));
-        self.run(c, surfaces, q.with(q.round, abi::AOV_SURFACES), Launch::Indirect(Counters::SURFACE_ARGS));
+        self.run(c, escaped, q.with(q.round, abi::AOV_ESCAPED), Launch::Indirect(WavefrontCounters::ESCAPED_ARGS));
+        self.run(c, surfaces, q.with(q.round, abi::AOV_SURFACES), Launch::Indirect(WavefrontCounters::SURFACE_ARGS));
     }
 }
 

@@ -5,11 +5,11 @@
 use super::{close_device, open};
 use bytemuck::{Pod, Zeroable};
 use oocpt_abi::{
-    Counters, Features, FilmPixel, Frame, GpuChunkInstance, NO_MESH, Pending, Push, Roulette, SHADOW_BIT, Segment,
-    Streaming, WORTH_MUST, WORTH_ONE, WORTH_SUMS,
+    Features, FilmPixel, FrameConstants, GpuChunkInstance, NO_MESH, PathSegment, PendingItems, PushConstants,
+    RouletteStats, SHADOW_BIT, StreamingPointers, WORTH_MUST, WORTH_ONE, WORTH_SUMS, WavefrontCounters,
 };
-use oocpt_gpu::{Buffer, Gpu, Pipeline, Usage};
-use oocpt_shaders::{Module, passes};
+use oocpt_gpu::{Buffer, BufferUsage, Gpu, Pipeline};
+use oocpt_shaders::{ShaderModule, passes};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -25,27 +25,27 @@ const EPSILON: f64 = 1e-2;
 
 /// Rays that wait, and what paths have brought so far.
 struct Waiting {
-    roulette: Roulette,
+    roulette: RouletteStats,
     radiance: Vec<f32>,
     entries: Vec<u32>,
     rays: Vec<[u32; 12]>,
     shadow_rays: Vec<[u32; 16]>,
     paths: Vec<[f32; 4]>,
     /// Chunk of each path's rays.
-    pending: Vec<Pending>,
+    pending: Vec<PendingItems>,
 }
 
 impl Waiting {
     /// Nobody, and every path has brought 1.
     fn nobody() -> Self {
         Self {
-            roulette: Roulette { mean: 1.0, second_moment: 1.0, ..Roulette::default() },
+            roulette: RouletteStats { mean: 1.0, second_moment: 1.0, ..RouletteStats::default() },
             radiance: vec![1.0; PATHS as usize],
             entries: Vec::new(),
             rays: vec![[0; 12]; PATHS as usize],
             shadow_rays: vec![[0; 16]; PATHS as usize],
             paths: vec![[0.0; 4]; PATHS as usize],
-            pending: vec![Pending::default(); PATHS as usize],
+            pending: vec![PendingItems::default(); PATHS as usize],
         }
     }
 
@@ -71,24 +71,25 @@ impl Waiting {
     }
 
     /// Runs a pass; gives the worth of the chunks and what is known of paths.
-    fn run(&self, gpu: &Arc<Gpu>, module: &'static Module) -> (Vec<u32>, Roulette) {
+    fn run(&self, gpu: &Arc<Gpu>, module: &'static ShaderModule) -> (Vec<u32>, RouletteStats) {
         let mut kept = Vec::new();
         let mut upload = |bytes: &[u8]| {
-            let buffer = Buffer::new(gpu, "made up", bytes.len().max(64) as u64, Usage::Upload).expect("small");
+            let buffer = Buffer::new(gpu, "made up", bytes.len().max(64) as u64, BufferUsage::Upload).expect("small");
             buffer.write(0, bytes).expect("mapped");
             kept.push(buffer);
             kept.last().map_or(0, Buffer::address)
         };
-        let segments: Vec<Segment> = (0..PATHS / SEGMENT).map(|s| segment(s * SEGMENT)).collect();
+        let segments: Vec<PathSegment> = (0..PATHS / SEGMENT).map(|s| segment(s * SEGMENT)).collect();
         let places: Vec<u32> = (0..PATHS).collect();
         let radiance: Vec<[f32; 4]> = self.radiance.iter().map(|level| [*level; 4]).collect();
         let instances: Vec<GpuChunkInstance> =
             (0..CHUNKS).map(|chunk| GpuChunkInstance { chunk, ..GpuChunkInstance::zeroed() }).collect();
-        let device = |bytes: usize| Buffer::new(gpu, "result", bytes as u64, Usage::Device).expect("small");
-        let [worth, sums, block] = [4 * CHUNKS as usize, 4 * WORTH_SUMS as usize, size_of::<Roulette>()].map(device);
-        let mut counters = Counters::zeroed();
+        let device = |bytes: usize| Buffer::new(gpu, "result", bytes as u64, BufferUsage::Device).expect("small");
+        let [worth, sums, block] =
+            [4 * CHUNKS as usize, 4 * WORTH_SUMS as usize, size_of::<RouletteStats>()].map(device);
+        let mut counters = WavefrontCounters::zeroed();
         counters.deferred_count[0] = u32::try_from(self.entries.len()).expect("few");
-        let streaming = Streaming {
+        let streaming = StreamingPointers {
             segments: upload(bytemuck::cast_slice(&segments)),
             places: upload(bytemuck::cast_slice(&places)),
             ended_radiance: upload(bytemuck::cast_slice(&radiance)),
@@ -104,9 +105,9 @@ impl Waiting {
             first_tile: CHUNKS,
             slots: PATHS,
             unit_count: CHUNKS,
-            ..Streaming::zeroed()
+            ..StreamingPointers::zeroed()
         };
-        let frame = Frame {
+        let frame = FrameConstants {
             chunk_instances: upload(bytemuck::cast_slice(&instances)),
             rays: upload(bytemuck::cast_slice(&self.rays)),
             shadow_rays: upload(bytemuck::cast_slice(&self.shadow_rays)),
@@ -116,13 +117,12 @@ impl Waiting {
             streaming: upload(bytemuck::bytes_of(&streaming)),
             width: SIZE[0],
             height: SIZE[1],
-            ..Frame::zeroed()
+            ..FrameConstants::zeroed()
         };
-        let push = Push::wave(upload(bytemuck::bytes_of(&frame)), 0, 0, PIXELS);
+        let push = PushConstants::wave(upload(bytemuck::bytes_of(&frame)), 0, 0, PIXELS);
         let [low, high] = (Features::STREAMING | Features::ROULETTE).constants();
         let spec = [(0, 2), (1, 64), low, high];
-        let pipeline =
-            Pipeline::new(gpu, module.name, &module.specialised(&spec), &spec, 32).expect("the pass compiles");
+        let pipeline = Pipeline::new(gpu, module.name, &module.specialised(&spec), &spec, 32).expect("it compiles");
         let mut commands = gpu.commands("roulette").expect("a list");
         commands.fill(&worth, 0, worth.size(), 0);
         commands.fill(&sums, 0, sums.size(), 0);
@@ -136,12 +136,12 @@ impl Waiting {
 }
 
 /// The one whose first place is `at`.
-fn segment(at: u32) -> Segment {
-    Segment { first_pixel: at % PIXELS, first_sample: at / PIXELS, count: SEGMENT, alive: 1 }
+fn segment(at: u32) -> PathSegment {
+    PathSegment { first_pixel: at % PIXELS, first_sample: at / PIXELS, count: SEGMENT, alive: 1 }
 }
 
 fn read<T: Pod>(gpu: &Arc<Gpu>, source: &Buffer) -> Vec<T> {
-    let copy = Buffer::new(gpu, "copy", source.size(), Usage::Readback).expect("small");
+    let copy = Buffer::new(gpu, "copy", source.size(), BufferUsage::Readback).expect("small");
     let mut commands = gpu.commands("copy").expect("a list");
     commands.copy(source, 0, &copy, 0, source.size());
     assert!(commands.submit().expect("submitted").wait(Duration::from_secs(60)).expect("alive"), "the copy ends");
@@ -214,7 +214,7 @@ fn camera_rays_and_very_bright_rays_are_never_dropped() {
 fn radiance_levels_and_variance_match_the_paths() {
     let gpu = open();
     let mut paths = Waiting::nobody();
-    paths.roulette = Roulette::default();
+    paths.roulette = RouletteStats::default();
     paths.radiance[PATHS as usize / 2..].fill(2.0);
     let (_, seen) = paths.run(&gpu, &passes::ROULETTE_LEVEL);
     assert!((seen.mean - 1.5).abs() < 1e-5 && (seen.second_moment - 2.5).abs() < 1e-5, "{seen:?}");

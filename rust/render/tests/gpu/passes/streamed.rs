@@ -5,7 +5,10 @@ use super::handmade_scene::{CHUNKS, MESHES, Random, UNITS};
 use super::pass_runner::{Images, Launch, PATHS, PIXELS, SEGMENT_SIZE, SEGMENTS, Tracer};
 use bytemuck::Zeroable;
 use oocpt_abi as abi;
-use oocpt_abi::{Counters, GpuChunk, GpuMesh, NO_MESH, Push, PushFlags, SHADOW_BIT, Segment, UnitDemand, sort_blocks};
+use oocpt_abi::{
+    GpuChunk, GpuMesh, NO_MESH, PathSegment, PushConstants, PushFlags, SHADOW_BIT, UnitDemand, WavefrontCounters,
+    sort_blocks,
+};
 use oocpt_shaders::passes;
 use std::collections::HashMap;
 
@@ -13,7 +16,7 @@ use std::collections::HashMap;
 #[derive(Debug, Default)]
 pub(super) struct Totals {
     pub(super) submissions: u32,
-    pub(super) counters: Counters,
+    pub(super) counters: WavefrontCounters,
     pub(super) unit_rays: Vec<u32>,
 }
 
@@ -52,7 +55,11 @@ impl Tracer<'_> {
         let (mut given, mut taken) = (0, 0);
         while taken < paths {
             totals.submissions += 1;
-            assert!(totals.submissions < 20_000, "the paths do not end: {:?}", self.read::<Counters>("counters"));
+            assert!(
+                totals.submissions < 20_000,
+                "the paths do not end: {:?}",
+                self.read::<WavefrontCounters>("counters")
+            );
             here = choose(&here, &demand, resident, random);
             self.show(&here);
             self.sort(flags, &here);
@@ -66,7 +73,7 @@ impl Tracer<'_> {
             }
             self.trace(&fresh, paths, flags, rounds);
             demand = self.demand(&here);
-            let segments: Vec<Segment> = self.read("segments");
+            let segments: Vec<PathSegment> = self.read("segments");
             while let Some(s) = flying.iter().position(|first| *first == Some(taken)) {
                 if segments[s].alive > 0 {
                     break;
@@ -92,20 +99,20 @@ impl Tracer<'_> {
         self.set_meshes(&(CHUNKS..).zip(&self.scene.meshes).map(mesh).collect::<Vec<_>>());
     }
 
-    fn segment_push(&self, segment: u32, first: u32, count: u32, flags: PushFlags) -> Push {
-        let q = Push::wave(self.address("frame"), u64::from(first), count, PIXELS);
+    fn segment_push(&self, segment: u32, first: u32, count: u32, flags: PushFlags) -> PushConstants {
+        let q = PushConstants::wave(self.address("frame"), u64::from(first), count, PIXELS);
         q.with(self.round, segment * SEGMENT_SIZE).flagged(flags)
     }
 
     /// Sends deferred rays on, and checks where they went.
     fn sort(&mut self, flags: PushFlags, here: &[u32]) {
-        let q = Push::wave(self.address("frame"), 0, 0, PIXELS).with(self.round, 0).flagged(flags);
+        let q = PushConstants::wave(self.address("frame"), 0, 0, PIXELS).with(self.round, 0).flagged(flags);
         let before = self.waiting();
-        let old: Counters = self.read("counters")[0];
+        let old: WavefrontCounters = self.read("counters")[0];
         self.clear(&["counts"]);
         let mut commands = self.gpu.commands("sort").expect("a list");
         let c = &mut commands;
-        self.run(c, &passes::SORT_DEFERRED_COUNT, q, Launch::Indirect(Counters::DEFERRED_ARGS));
+        self.run(c, &passes::SORT_DEFERRED_COUNT, q, Launch::Indirect(WavefrontCounters::DEFERRED_ARGS));
         self.run(
             c,
             &passes::SORT_DEFERRED_SCAN,
@@ -113,9 +120,9 @@ impl Tracer<'_> {
             Launch::Groups(sort_blocks(CHUNKS)),
         );
         self.run(c, &passes::SORT_DEFERRED_SCAN, q.with(q.round, abi::SCAN_SUMS), Launch::Groups(1));
-        self.run(c, &passes::SORT_DEFERRED_SCATTER, q, Launch::Indirect(Counters::DEFERRED_ARGS));
+        self.run(c, &passes::SORT_DEFERRED_SCATTER, q, Launch::Indirect(WavefrontCounters::DEFERRED_ARGS));
         commands.submit().expect("submitted");
-        let new: Counters = self.read("counters")[0];
+        let new: WavefrontCounters = self.read("counters")[0];
         let parity = (self.round & 1) as usize;
         let ready = |items: &[Item], shadow: bool| {
             let asked = if shadow { items } else { &items[..1] };
@@ -150,14 +157,14 @@ impl Tracer<'_> {
 
     /// The deferred rays and their lists.
     fn waiting(&self) -> Vec<Deferred> {
-        let counters: Counters = self.read("counters")[0];
+        let counters: WavefrontCounters = self.read("counters")[0];
         let list = counters.deferred_parity as usize;
         let entries: Vec<u32> = self.read(["deferred 0", "deferred 1"][list]);
         let flags = [
             self.read::<[u32; 12]>("rays").iter().map(|ray| ray[11]).collect::<Vec<u32>>(),
             self.read::<[u32; 16]>("shadow_rays").iter().map(|ray| ray[11]).collect(),
         ];
-        let pending: [Vec<abi::Pending>; 2] = [self.read("pending"), self.read("shadow pending")];
+        let pending: [Vec<abi::PendingItems>; 2] = [self.read("pending"), self.read("shadow pending")];
         let lists = |entry: &u32| {
             let (kind, path) = (usize::from(entry & SHADOW_BIT != 0), (entry & !SHADOW_BIT) as usize);
             let count = (flags[kind][path] >> 4 & 7) as usize;
@@ -181,16 +188,16 @@ impl Tracer<'_> {
             let push = push.into_slots(*segment, u64::from(*first), SEGMENTS * SEGMENT_SIZE);
             self.run(&mut commands, generate, push, Launch::Threads(count));
         }
-        let q = Push::wave(self.address("frame"), 0, 0, PIXELS).flagged(flags);
+        let q = PushConstants::wave(self.address("frame"), 0, 0, PIXELS).flagged(flags);
         for _ in 0..rounds {
             self.round(&mut commands, q.with(self.round, 0));
             self.round += 1;
         }
         self.run(&mut commands, &passes::PREPARE_DISPATCH, q.with(self.round, abi::PREPARE_DEMAND), Launch::Threads(1));
         commands.fill(&self.buffers["demand counts"], 0, 8, 0);
-        self.run(&mut commands, &passes::COUNT_DEMAND, q, Launch::Indirect(Counters::DEFERRED_ARGS));
+        self.run(&mut commands, &passes::COUNT_DEMAND, q, Launch::Indirect(WavefrontCounters::DEFERRED_ARGS));
         self.run(&mut commands, &passes::LIST_DEMAND, q, Launch::Groups(2));
-        self.run(&mut commands, &passes::RETIRE_PATHS, q, Launch::Indirect(Counters::RETIRE_ARGS));
+        self.run(&mut commands, &passes::RETIRE_PATHS, q, Launch::Indirect(WavefrontCounters::RETIRE_ARGS));
         commands.submit().expect("submitted");
     }
 

@@ -4,7 +4,7 @@
 use super::{BEACH, options, planting, request_of};
 use crate::support::{read_all, render, render_with_messages, seeds, settings};
 use oocpt_core::settings::Settings;
-use oocpt_render::{Faults, Session};
+use oocpt_render::{PlantedFaults, Session};
 
 /// MiB, from what nothing renders with to more than all of the scene and its paths take.
 const SIZES: std::ops::RangeInclusive<u32> = 1..=50;
@@ -67,7 +67,7 @@ fn a_scene_streamed_while_uploading_stays_resident() {
     let settings = Settings { chunk_size_kib: 256, ..settings(8, 2) };
     let request = request_of(&BEACH);
     let images = |streams_first| {
-        let options = planting(Faults { streams_first, ..Faults::default() });
+        let options = planting(PlantedFaults { streams_first, ..PlantedFaults::default() });
         let session = Session::with_options(settings.clone(), options);
         session.with_scene(BEACH.build);
         [false, true].map(|again| {

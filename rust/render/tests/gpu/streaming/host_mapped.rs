@@ -6,7 +6,7 @@ use super::{Render, SCENES, options, percent, planting, request_of, small_chunks
 use crate::support::{self, read_all, settings};
 use oocpt_core::settings::{HostMapped, Settings};
 use oocpt_gpu::DeviceKind;
-use oocpt_render::{Faults, Session};
+use oocpt_render::{PlantedFaults, Session};
 
 /// Most pictures until all that rays ask for is in host memory: a GPU has rendered many before its pages are made.
 pub(crate) const MOST_PICTURES: u32 = 400;
@@ -83,7 +83,9 @@ fn a_scene_that_fits_releases_host_mapped_geometry() {
     let request = request_of(&super::BEACH);
     let mut images = Vec::new();
     for budget_kib in [0, 2048, 0, 1024] {
-        session.set_setting("oocpt:geometryBudget", oocpt_core::settings::Value::Int(budget_kib)).expect("a setting");
+        session
+            .set_setting("oocpt:geometryBudget", oocpt_core::settings::SettingValue::Int(budget_kib))
+            .expect("a setting");
         for _ in 0..2 {
             support::render(&session, &request);
             images.push(read_all(&session, &request));
@@ -113,7 +115,8 @@ fn a_fully_resident_scene_leaves_streaming() {
         let (images, in_core) = picture(&whole);
         let budget = percent(in_core.streaming.scene_bytes, 25).max(smallest_budget(scene));
         let settings = Settings { geometry_budget_kib: budget, host_mapped: HostMapped::On, ..long };
-        let session = Session::with_options(settings, planting(Faults { leaves_soon: true, ..Faults::default() }));
+        let session =
+            Session::with_options(settings, planting(PlantedFaults { leaves_soon: true, ..PlantedFaults::default() }));
         session.with_scene(scene.build);
         on_processor |= session.device_report().is_some_and(|device| device.kind == DeviceKind::Cpu);
         let mut without = 0;

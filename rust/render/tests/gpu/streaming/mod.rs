@@ -16,7 +16,7 @@ pub(crate) use moving_scenes::{DEFORMING, MOVING, MOVING_BULBS, MOVING_LAMPS};
 use oocpt_core::residency::PolicyKind;
 use oocpt_core::settings::{HostMapped, Settings};
 use oocpt_core::stats::StreamingStats;
-use oocpt_render::{Faults, RenderRequest, Session, SessionOptions};
+use oocpt_render::{PlantedFaults, RenderRequest, Session, SessionOptions};
 use scenes::{BEACH, SET};
 pub(crate) use scenes::{SCENES, Scene};
 use std::sync::Arc;
@@ -33,7 +33,7 @@ fn options() -> SessionOptions {
     SessionOptions { validation: true, ..SessionOptions::default() }
 }
 
-fn planting(faults: Faults) -> SessionOptions {
+fn planting(faults: PlantedFaults) -> SessionOptions {
     SessionOptions { faults, ..options() }
 }
 

@@ -5,7 +5,7 @@ use super::scenes::{Scene, balls, ground, lamps_and_sky, lights, scattered};
 use crate::scenes::{constant, deforming, glow, instanced, instancer, mesh, prim, sphere, turning, widening};
 use glam::{DMat4, DQuat, DVec3, Vec3};
 use oocpt_core::scene::{
-    CurveBasis, CurveWrap, CurvesDesc, InstancerDesc, InstancerMotion, MeshDesc, SceneDb, Shape, Subdivision,
+    CurveBasis, CurveWrap, CurvesDesc, InstancerDesc, InstancerMotion, MeshDesc, PrimShape, SceneDb, Subdivision,
     TransformSample,
 };
 use oocpt_core::{LightDesc, LightKind, TypedArray};
@@ -174,7 +174,7 @@ fn deforming_things(db: &mut SceneDb) {
         indices: None,
     };
     let hair = MeshDesc {
-        shape: Shape::Curves(curves),
+        shape: PrimShape::Curves(curves),
         points: TypedArray::of::<[f32; 3]>((0..200).flat_map(|i| (0..4).map(move |k| tuft(i, k))).collect()),
         widths: constant(0.05_f32),
         ..mesh(prim("/hair", DMat4::IDENTITY), 70, Vec::new(), &[], 0.4)
@@ -189,7 +189,7 @@ fn deforming_things(db: &mut SceneDb) {
     db.upsert_mesh(widening(deforming(hair, &[0.0, 1.0], &wave(0.2)), &wider));
     let spray = (0..300).map(|i| ((scattered(i) - 0.5) * DVec3::new(6.0, 4.0, 6.0)).as_vec3().to_array());
     let spray = MeshDesc {
-        shape: Shape::Points,
+        shape: PrimShape::Points,
         points: TypedArray::of::<[f32; 3]>(spray.collect()),
         widths: constant(0.09_f32),
         ..mesh(prim("/spray", DMat4::IDENTITY), 71, Vec::new(), &[], 0.8)

@@ -8,8 +8,8 @@ use super::{Render, TestFiles, options, percent, planting, render, request_of, s
 use crate::support::{self, read_all, render_with_messages};
 use oocpt_abi::FAULT_ONE_IN;
 use oocpt_core::settings::{HostMapped, Settings};
-use oocpt_gpu::{Call, Failure};
-use oocpt_render::{Faults, Message, Session, SessionOptions, Severity};
+use oocpt_gpu::{DriverCall, PlantedFailure};
+use oocpt_render::{Message, PlantedFaults, Session, SessionOptions, Severity};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -21,7 +21,7 @@ fn quarter(scene: &Scene, whole: &Render) -> Settings {
 
 /// Whether the picture shows that chunk instances are lost (`SPEC_FAULT`).
 fn shows(scene: &Scene, whole: &Render, lost_chunks: u32) -> bool {
-    let planted = planting(Faults { lost_chunks, ..Faults::default() });
+    let planted = planting(PlantedFaults { lost_chunks, ..PlantedFaults::default() });
     let part = render(scene, quarter(scene, whole), SessionOptions { force_streaming: true, ..planted });
     part.images != whole.images
 }
@@ -52,14 +52,14 @@ struct Failed {
 }
 
 /// What a device has compiled or pooled it does not ask for again: these calls need a new one.
-fn needs_device(call: Call) -> bool {
-    matches!(call, Call::Pipeline | Call::CommandPool)
+fn needs_device(call: DriverCall) -> bool {
+    matches!(call, DriverCall::Pipeline | DriverCall::CommandPool)
 }
 
 /// Renders with a failure planted, and after an error once more without.
-fn failed(scene: &Scene, settings: Settings, streams: bool, failure: Failure, whole: &Render) -> Failed {
+fn failed(scene: &Scene, settings: Settings, streams: bool, failure: PlantedFailure, whole: &Render) -> Failed {
     static DEVICES: AtomicU32 = AtomicU32::new(0);
-    let planted = planting(Faults { failure: Some(failure), ..Faults::default() });
+    let planted = planting(PlantedFaults { failure: Some(failure), ..PlantedFaults::default() });
     let memory_budget_mib =
         if needs_device(failure.call) { 1000 + DEVICES.fetch_add(1, Ordering::Relaxed) } else { 999 };
     let settings = Settings { memory_budget_mib, ..settings };
@@ -81,13 +81,13 @@ fn failed(scene: &Scene, settings: Settings, streams: bool, failure: Failure, wh
 }
 
 /// Calls that take memory, and after how many of them one fails: as far as there are so many, in core and streaming.
-const FAILURES: [(Call, &[u64]); 6] = [
-    (Call::Buffer, &[0, 2, 5, 13]),
-    (Call::Range, &[0, 3, 13, 34]),
-    (Call::Memory, &[0, 2, 5, 13]),
-    (Call::Mapping, &[0, 1, 2]),
-    (Call::Pipeline, &[0, 8]),
-    (Call::CommandPool, &[0, 1]),
+const FAILURES: [(DriverCall, &[u64]); 6] = [
+    (DriverCall::Buffer, &[0, 2, 5, 13]),
+    (DriverCall::Range, &[0, 3, 13, 34]),
+    (DriverCall::Memory, &[0, 2, 5, 13]),
+    (DriverCall::Mapping, &[0, 1, 2]),
+    (DriverCall::Pipeline, &[0, 8]),
+    (DriverCall::CommandPool, &[0, 1]),
 ];
 
 /// Fails at `most` of the places of each call.
@@ -99,7 +99,7 @@ fn fail_everywhere(times: u32, most: usize, judge: impl Fn(&Failed)) {
     for (call, places) in FAILURES {
         for (&after, streams) in places.iter().take(most).flat_map(|after| [(after, false), (after, true)]) {
             let settings = if streams { part.clone() } else { small_chunks() };
-            let failure = Failure { call, after, times };
+            let failure = PlantedFailure { call, after, times };
             let found = failed(scene, settings, streams, failure, &whole);
             // Sessions of one device share its count.
             let counted = if needs_device(call) { 0 } else { before };

@@ -10,9 +10,9 @@
 use super::scenes::{SCENES, Scene};
 use super::{TestFiles, options, percent, planting, request_of, small_chunks, smallest_budget};
 use crate::support::{read, render, seeds};
-use oocpt_core::settings::{Settings, Value};
+use oocpt_core::settings::{SettingValue, Settings};
 use oocpt_core::stats::StreamingStats;
-use oocpt_render::{AovKind, AovRequest, Faults, RenderRequest, Session, SessionOptions};
+use oocpt_render::{AovKind, AovRequest, PlantedFaults, RenderRequest, Session, SessionOptions};
 use std::collections::HashMap;
 use std::ops::Range;
 use std::sync::Arc;
@@ -42,13 +42,13 @@ const REGIONS: [usize; 2] = [3, 2];
 type Regions = (Vec<f64>, [Vec<f32>; 2]);
 
 /// Nearly every load is played for.
-fn played() -> Faults {
-    Faults { roulette_per_mille: Some(PER_MILLE), ..Faults::default() }
+fn played() -> PlantedFaults {
+    PlantedFaults { roulette_per_mille: Some(PER_MILLE), ..PlantedFaults::default() }
 }
 
 /// The same without weights.
-fn unweighted() -> Faults {
-    Faults { unweighted_roulette: true, ..played() }
+fn unweighted() -> PlantedFaults {
+    PlantedFaults { unweighted_roulette: true, ..played() }
 }
 
 /// A session whose seed may be changed, and the totals of what its renders counted.
@@ -75,7 +75,7 @@ impl Renderer {
         if let Some(known) = self.known.get(&seed) {
             return known.clone();
         }
-        self.session.set_setting("oocpt:seed", Value::Int(seed.into())).expect("a seed");
+        self.session.set_setting("oocpt:seed", SettingValue::Int(seed.into())).expect("a seed");
         render(&self.session, &self.view);
         let stats = self.session.stats().streaming;
         self.totals.roulette_paths += stats.roulette_paths;
@@ -172,7 +172,7 @@ fn differing(
     scene: &Scene,
     without: &mut Renderer,
     budget_percent: u64,
-    faults: Faults,
+    faults: PlantedFaults,
 ) -> (Vec<usize>, StreamingStats, String) {
     let _ = without.regions(0);
     let bytes = without.session.stats().streaming.scene_bytes;
@@ -253,7 +253,7 @@ fn roulette_on_steering_samples_is_noticed() {
     let budget_kib = smallest_budget(scene);
     let settings = Settings { geometry_budget_kib: budget_kib, straggler_roulette: true, ..adaptive() };
     let mut changed = |early_roulette: bool| {
-        let played = planting(Faults { early_roulette, ..played() });
+        let played = planting(PlantedFaults { early_roulette, ..played() });
         let mut with = Renderer::new(scene, settings.clone(), played);
         (1..=4).filter(|&seed| without.regions(seed).1[1] != with.regions(seed).1[1]).count()
     };
@@ -278,8 +278,8 @@ fn with_measured_prices_all_paths_finish() {
 
 /// By the decision of production, in which only the price of a byte is that of a slow disk: probabilities of all sizes,
 /// accounts that run out, few stragglers.
-fn of_production() -> Faults {
-    Faults { roulette_ns_per_byte: Some(1000), ..Faults::default() }
+fn of_production() -> PlantedFaults {
+    PlantedFaults { roulette_ns_per_byte: Some(1000), ..PlantedFaults::default() }
 }
 
 #[test]
@@ -299,7 +299,7 @@ fn roulette_is_unbiased_at_production_prices() {
 #[test]
 fn unweighted_survivors_are_noticed_at_production_prices() {
     let mut without = Renderer::new(&SCENES[0], small_chunks(), options());
-    let faults = Faults { unweighted_roulette: true, ..of_production() };
+    let faults = PlantedFaults { unweighted_roulette: true, ..of_production() };
     let (regions, _, said) = differing(&SCENES[0], &mut without, 10, faults);
     println!("{said}");
     assert!(!regions.is_empty(), "a picture that is too dark must be seen: {said}");

@@ -6,9 +6,9 @@ use crate::scenes::{constant, dome, glow, instanced, instancer, mesh, prim, sphe
 use glam::{DMat4, DQuat, DVec3};
 use oocpt_core::scene::{
     CurveBasis, CurveWrap, CurvesDesc, InstancedBy, InstancerDesc, InstancerPrototype, Interpolation, MeshDesc,
-    NamedPrimvar, PrimDesc, Primvar, SceneDb, Shape, TransformSample,
+    NamedPrimvar, PrimDesc, PrimShape, Primvar, SceneDb, TransformSample,
 };
-use oocpt_core::{DomeFormat, LightDesc, LightKind, Shaping, TypedArray};
+use oocpt_core::{DomeFormat, LightDesc, LightKind, ShapingCone, TypedArray};
 
 /// A scene, where its camera stands and what it looks at.
 pub(crate) struct Scene {
@@ -77,7 +77,7 @@ fn fur(db: &mut SceneDb) {
         indices: None,
     };
     let hair = MeshDesc {
-        shape: Shape::Curves(curves),
+        shape: PrimShape::Curves(curves),
         points: TypedArray::of::<[f32; 3]>(roots.flat_map(|i| (0..4).map(move |k| along(i, k))).collect()),
         widths: constant(0.05_f32),
         ..mesh(prim("/hair", DMat4::IDENTITY), 2, Vec::new(), &[], 0.4)
@@ -90,7 +90,7 @@ fn fur(db: &mut SceneDb) {
     db.upsert_mesh(hair);
     let spray = (0..900).map(|i| ((scattered(i) - 0.5) * DVec3::new(6.0, 4.0, 6.0)).as_vec3().to_array());
     db.upsert_mesh(MeshDesc {
-        shape: Shape::Points,
+        shape: PrimShape::Points,
         points: TypedArray::of::<[f32; 3]>(spray.collect()),
         widths: constant(0.09_f32),
         ..mesh(prim("/spray", DMat4::IDENTITY), 3, Vec::new(), &[], 0.8)
@@ -271,8 +271,11 @@ pub(super) fn lamps_and_sky(db: &mut SceneDb, motion: &dyn Fn(DMat4) -> Vec<Tran
         let turn = scattered(7 * i + 3) * 6.0;
         let place =
             DMat4::from_rotation_translation(DQuat::from_euler(glam::EulerRot::XYZ, turn.x, turn.y, turn.z), at);
-        let shaping =
-            (i % 4 == 1).then(|| Shaping { cone_angle_degrees: 50.0, cone_softness: 0.4, ..Shaping::default() });
+        let shaping = (i % 4 == 1).then(|| ShapingCone {
+            cone_angle_degrees: 50.0,
+            cone_softness: 0.4,
+            ..ShapingCone::default()
+        });
         db.upsert_light(LightDesc {
             prim: PrimDesc { motion: motion(place), ..prim(&format!("/lamp_{i}"), place) },
             kind: kinds[i as usize % kinds.len()].clone(),

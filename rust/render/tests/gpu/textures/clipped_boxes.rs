@@ -19,7 +19,8 @@ fn one_chunk() -> Settings {
 
 /// The picture of a scene with boxes of whole triangles.
 fn whole(build: fn(&mut SceneDb), masks: Masks) -> Vec<Vec<u8>> {
-    let faults = Faults { no_opacity_masks: !masks.0, no_deferred_cutouts: !masks.1, ..Faults::default() };
+    let faults =
+        PlantedFaults { no_opacity_masks: !masks.0, no_deferred_cutouts: !masks.1, ..PlantedFaults::default() };
     let session = Session::with_options(one_chunk(), SessionOptions { faults, ..options() });
     let session = session.with_images(Arc::new(Library));
     session.with_scene(|db| {

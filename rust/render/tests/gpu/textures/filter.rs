@@ -9,7 +9,7 @@ use crate::support::{self, color_request, orthographic, perspective, read, reque
 use glam::{DMat2, DMat4, DVec2, DVec3};
 use oocpt_core::scene::{Interpolation, MaterialDesc, MeshDesc, NamedPrimvar, ParamDesc, ParamValue, Primvar, SceneDb};
 use oocpt_core::settings::Settings;
-use oocpt_core::texture::{Layout, Sampler, Wrap, ellipse};
+use oocpt_core::texture::{TextureSampler, TileLayout, Wrap, ellipse};
 use oocpt_core::{Camera, TypedArray};
 use oocpt_render::{AovKind, RenderRequest, Session};
 use std::sync::Arc;
@@ -169,9 +169,9 @@ fn ground(density: [f32; 2], material: MaterialDesc, samples: u32) -> Vec<f64> {
 /// pixel's cone by `width`.
 fn expected(density: [f32; 2], n: u32, width: fn([f64; 2]) -> f64) -> Vec<f64> {
     let density = density.map(f64::from);
-    let layout = Layout::new([CHECKS; 2], 1).expect("a layout");
+    let layout = TileLayout::new([CHECKS; 2], 1).expect("a layout");
     let texel = |level: u32, x: u32, y: u32| [f64::from(check(level, x, y)) / 255.0; 4];
-    let sampler = Sampler { layout, wrap: [Wrap::Repeat, Wrap::Mirror], outside: [0.0; 4], texel };
+    let sampler = TextureSampler { layout, wrap: [Wrap::Repeat, Wrap::Mirror], outside: [0.0; 4], texel };
     let camera = eye();
     let half_height = 0.35_f64.tan();
     let [w, h] = SIZE.map(f64::from);

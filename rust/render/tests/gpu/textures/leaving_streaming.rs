@@ -9,9 +9,9 @@ use crate::support::{self, read_all};
 use glam::{DMat4, DVec3};
 use oocpt_core::scene::SceneDb;
 use oocpt_core::settings::{HostMapped, Settings};
-use oocpt_core::stats::Stats;
+use oocpt_core::stats::RenderStats;
 use oocpt_gpu::DeviceKind;
-use oocpt_render::{Faults, Session, SessionOptions};
+use oocpt_render::{PlantedFaults, Session, SessionOptions};
 use std::sync::Arc;
 
 /// Spheres of some 13 MiB behind thousands of leaves that are cut out.
@@ -24,14 +24,14 @@ fn leaves_before_stones(db: &mut SceneDb) {
     }
 }
 
-fn session(settings: Settings, faults: Faults) -> Session {
+fn session(settings: Settings, faults: PlantedFaults) -> Session {
     let options = SessionOptions { faults, ..super::options() };
     let session = Session::with_options(settings, options).with_images(Arc::new(Library));
     session.with_scene(leaves_before_stones);
     session
 }
 
-fn picture(session: &Session) -> (Vec<Vec<u8>>, Stats) {
+fn picture(session: &Session) -> (Vec<Vec<u8>>, RenderStats) {
     support::render(session, &close());
     let picture = (read_all(session, &close()), session.stats());
     session.restart();
@@ -41,13 +41,13 @@ fn picture(session: &Session) -> (Vec<Vec<u8>>, Stats) {
 #[test]
 fn a_fully_resident_textured_scene_leaves_streaming() {
     let long = Settings { samples_per_pixel: 64, chunk_size_kib: 256, ..small_chunks() };
-    let (images, in_core) = picture(&session(long.clone(), Faults::default()));
+    let (images, in_core) = picture(&session(long.clone(), PlantedFaults::default()));
     let geometry = in_core.streaming.scene_bytes - in_core.streaming.texture_scene_bytes;
     assert!(in_core.streaming.in_core && geometry > 12 << 20, "all fits: {:?}", in_core.streaming);
     // Room for paths, for a part of the geometry, and for few tiles.
     let budget = u32::try_from((geometry / 2 + (17 << 20)) >> 20).expect("small");
     let settings = Settings { memory_budget_mib: budget, host_mapped: HostMapped::On, ..long };
-    let session = session(settings, Faults { leaves_soon: true, ..Faults::default() });
+    let session = session(settings, PlantedFaults { leaves_soon: true, ..PlantedFaults::default() });
     let (mut without, mut changed) = (0, 0);
     for number in 0..MOST_PICTURES {
         let (seen, stats) = picture(&session);

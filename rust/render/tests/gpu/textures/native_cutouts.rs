@@ -7,7 +7,7 @@ use crate::scenes::{deforming, widening};
 use crate::support::request;
 use glam::Vec3;
 use oocpt_core::inventory::TraversalUse;
-use oocpt_core::scene::{CurveBasis, CurveWrap, CurvesDesc, Shape};
+use oocpt_core::scene::{CurveBasis, CurveWrap, CurvesDesc, PrimShape};
 use oocpt_core::settings::TraversalKind;
 
 /// Image and output that cut a kind of leaf out.
@@ -49,7 +49,11 @@ fn single(x: f64) -> f32 {
     x as f32
 }
 
-fn of<T: oocpt_core::Element + std::fmt::Debug>(name: &str, interpolation: Interpolation, v: Vec<T>) -> NamedPrimvar {
+fn of<T: oocpt_core::ArrayElement + std::fmt::Debug>(
+    name: &str,
+    interpolation: Interpolation,
+    v: Vec<T>,
+) -> NamedPrimvar {
     NamedPrimvar { name: name.into(), primvar: Primvar { interpolation, values: TypedArray::of(v), indices: None } }
 }
 
@@ -87,7 +91,7 @@ fn kind(db: &mut SceneDb, number: u32, made: Made, material: MaterialDesc) {
             desc = deforming(desc, &[0.0, 0.4, 1.0], &|p: Vec3, time| p + Vec3::Y * (single(time) * (p.x + 0.4 * p.z)));
         }
         Made::Curves => {
-            desc.shape = Shape::Curves(CurvesDesc {
+            desc.shape = PrimShape::Curves(CurvesDesc {
                 basis: CurveBasis::Linear,
                 wrap: CurveWrap::Nonperiodic,
                 counts: TypedArray::of(vec![4_i32]),

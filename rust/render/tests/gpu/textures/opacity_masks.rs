@@ -7,7 +7,7 @@
 use super::test_images::LEAF_AREA;
 use super::*;
 use oocpt_abi::Features;
-use oocpt_core::inventory::Inventory;
+use oocpt_core::inventory::RenderInventory;
 use oocpt_core::settings::TraversalKind;
 
 /// Image, wrap modes, factor, summand, threshold (0: a probability).
@@ -115,13 +115,13 @@ pub(super) fn masked(
 ) -> (Render, Session) {
     let more_features = if are_apart { Features::DEFERRED_CUTOUTS } else { Features::empty() };
     let (no_opacity_masks, no_deferred_cutouts) = (!are_there, !are_apart);
-    let faults = Faults { no_opacity_masks, no_deferred_cutouts, more_features, ..Faults::default() };
+    let faults = PlantedFaults { no_opacity_masks, no_deferred_cutouts, more_features, ..PlantedFaults::default() };
     let force_streaming = budget.is_some();
     let settings = Settings { geometry_budget_kib: budget.unwrap_or(0), ..settings };
     let wanted = settings.traversal;
     let session = session(settings, SessionOptions { faults, force_streaming, ..options() }, build);
     render_with_messages(&session, &close());
-    let Inventory { features: listed, traversal: used, passes, .. } = session.stats().inventory;
+    let RenderInventory { features: listed, traversal: used, passes, .. } = session.stats().inventory;
     assert!(wanted != TraversalKind::Native || used.backend == "native", "{used:?}");
     let has = |name: &str| listed.iter().find(|feature| feature.name == name).expect("a feature").present;
     assert_eq!(has("OPACITY_MASKS"), are_there, "masks are used where they are wanted");
@@ -201,7 +201,7 @@ pub(super) fn cards(path: &str, id: i32, along: u16, part: impl Fn(u16, u16) -> 
 pub(super) fn coverage(samples: u32, masks: Masks, budget: Option<u32>, build: impl Fn(&mut SceneDb)) -> [f64; 2] {
     let more_features = if masks.1 { Features::DEFERRED_CUTOUTS } else { Features::empty() };
     let (no_opacity_masks, no_deferred_cutouts) = (!masks.0, !masks.1);
-    let faults = Faults { no_opacity_masks, no_deferred_cutouts, more_features, ..Faults::default() };
+    let faults = PlantedFaults { no_opacity_masks, no_deferred_cutouts, more_features, ..PlantedFaults::default() };
     let force_streaming = budget.is_some();
     let settings = Settings { geometry_budget_kib: budget.unwrap_or(0), ..settings(samples, 1) };
     let options = SessionOptions { faults, force_streaming, ..options() };
@@ -316,7 +316,7 @@ fn images_of_ids_show_cutouts_in_the_middle_of_pixels() {
 #[test]
 fn masks_change_no_bit_of_magnified_cutouts() {
     let seen = |masks: Masks, cut: Cut| {
-        let faults = Faults { no_opacity_masks: !masks.0, ..Faults::default() };
+        let faults = PlantedFaults { no_opacity_masks: !masks.0, ..PlantedFaults::default() };
         let session = Session::with_options(settings(4, 1), SessionOptions { faults, ..options() });
         let session = session.with_images(Arc::new(Library));
         session.with_scene(|db| {

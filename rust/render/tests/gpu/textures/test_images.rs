@@ -4,7 +4,7 @@
 use oocpt_core::scene::AssetRef;
 use oocpt_core::texture::TexelFormat;
 use oocpt_ptex::ReadAt;
-use oocpt_render::textures::{Image, ImageError, ImageInfo, ImageLibrary};
+use oocpt_render::textures::{ImageError, ImageInfo, ImageLibrary, SourceImage};
 use std::sync::Arc;
 
 pub(super) fn hash(i: u32) -> u32 {
@@ -21,7 +21,7 @@ pub(super) struct Noise {
     pub(super) seed: u32,
 }
 
-impl Image for Noise {
+impl SourceImage for Noise {
     fn info(&self) -> ImageInfo {
         let (levels, channels) = (vec![self.size], self.channels);
         ImageInfo { levels, channels, format: TexelFormat::U8, tile_friendly: true, is_srgb: None, wrap: None }
@@ -48,7 +48,7 @@ impl Noise {
 #[derive(Debug)]
 struct Steps;
 
-impl Image for Steps {
+impl SourceImage for Steps {
     fn info(&self) -> ImageInfo {
         let levels = (0..10).map(|level| [512 >> level; 2]).collect();
         ImageInfo { levels, channels: 1, format: TexelFormat::U8, tile_friendly: true, is_srgb: None, wrap: None }
@@ -75,7 +75,7 @@ pub(super) fn check(level: u32, x: u32, y: u32) -> u8 {
 #[derive(Debug)]
 struct Checks;
 
-impl Image for Checks {
+impl SourceImage for Checks {
     fn info(&self) -> ImageInfo {
         let levels = (0..=8).map(|level| [CHECKS >> level; 2]).collect();
         ImageInfo { levels, channels: 1, format: TexelFormat::U8, tile_friendly: true, is_srgb: None, wrap: None }
@@ -95,7 +95,7 @@ impl Image for Checks {
 #[derive(Debug)]
 struct Torn;
 
-impl Image for Torn {
+impl SourceImage for Torn {
     fn info(&self) -> ImageInfo {
         Noise { size: [256, 256], channels: 3, seed: 1 }.info()
     }
@@ -117,7 +117,7 @@ const RADII: [(&str, f64); 2] = [("disc ", 0.42), ("leaf ", 0.3)];
 /// Share of a "leaf " where alpha is one half or more.
 pub(super) const LEAF_AREA: f64 = std::f64::consts::PI * 0.09;
 
-impl Image for Disc {
+impl SourceImage for Disc {
     fn info(&self) -> ImageInfo {
         Noise { size: self.0, channels: 4, seed: 0 }.info()
     }
@@ -143,7 +143,7 @@ struct Floats {
     format: TexelFormat,
 }
 
-impl Image for Floats {
+impl SourceImage for Floats {
     fn info(&self) -> ImageInfo {
         ImageInfo { format: self.format, ..self.noise.info() }
     }
@@ -175,7 +175,7 @@ impl Image for Floats {
 pub(super) struct Library;
 
 impl ImageLibrary for Library {
-    fn open(&self, asset: &AssetRef) -> Result<Arc<dyn Image>, ImageError> {
+    fn open(&self, asset: &AssetRef) -> Result<Arc<dyn SourceImage>, ImageError> {
         match &*asset.resolved {
             "steps" => return Ok(Arc::new(Steps)),
             "checks" => return Ok(Arc::new(Checks)),

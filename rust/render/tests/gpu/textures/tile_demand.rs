@@ -4,7 +4,7 @@
 use super::{board, options, session};
 use crate::support::{self, orthographic, read_all, request, settings};
 use glam::DVec3;
-use oocpt_core::settings::Settings;
+use oocpt_core::settings::{HostMapped, Settings};
 use oocpt_core::stats::StreamingStats;
 use oocpt_render::{RenderRequest, Session, SessionOptions};
 
@@ -64,4 +64,28 @@ fn textures_that_outgrow_their_memory_are_streamed() {
     // What is seen from afar fits, but the scene has shown that it does not.
     support::render(&session, &part(4.0, 16));
     assert!(!stats(&session).in_core, "no second try");
+}
+
+/// What finds no room on the device is read in host memory: a scene in core stays there, within its budget.
+#[test]
+fn tiles_beyond_the_budget_are_read_in_host_memory() {
+    let build = |db: &mut _| board(db, "2900x2900x4");
+    let all = part(2.0, 1000);
+    let roomy = session(settings(1, 0), options(), build);
+    support::render(&roomy, &all);
+    let whole = stats(&roomy);
+    assert!(whole.in_core && whole.texture_bytes > 24 << 20 && whole.mapped_bytes == 0, "all fits: {whole:?}");
+    let spare = whole.texture_bytes - (2 << 20);
+    let budget = u32::try_from((roomy.stats().gpu_peak_bytes - spare) >> 20).expect("small");
+    let tight = Settings { memory_budget_mib: budget, host_mapped: HostMapped::On, ..settings(1, 0) };
+    let session = session(tight, options(), build);
+    for again in [false, true] {
+        support::render(&session, &all);
+        let after = stats(&session);
+        assert!(after.in_core && after.mapped_bytes > 0, "the rest is mapped: {after:?}");
+        assert!(session.stats().gpu_peak_bytes <= u64::from(budget) << 20, "within {budget} MiB: {after:?}");
+        assert!(read_all(&session, &all) == read_all(&roomy, &all), "the same bits");
+        assert_eq!(after.texture_loads == 0, again, "a second picture finds what is there");
+        session.restart();
+    }
 }

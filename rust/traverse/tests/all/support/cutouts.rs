@@ -3,7 +3,7 @@
 
 use super::{Random, World, put};
 use bytemuck::Zeroable;
-use oocpt_abi::{Frame, GpuAttribute, GpuMaterial, GpuMesh, GpuPrim, GpuTexture, SLOT_PRESENCE};
+use oocpt_abi::{FrameConstants, GpuAttribute, GpuMaterial, GpuMesh, GpuPrim, GpuTexture, SLOT_PRESENCE};
 
 /// Words of each of the ten tables, which lie one behind the other.
 const WORDS: usize = 2048;
@@ -75,7 +75,7 @@ impl World {
         self.mesh.read(0, bytemuck::bytes_of_mut(&mut mesh)).expect("mapped");
         (mesh.primvars, mesh.primvar_count, mesh.corner_indices) = (at(5), word(random), at(6));
         self.mesh.write(0, bytemuck::bytes_of(&mesh)).expect("mapped");
-        let frame = Frame {
+        let frame = FrameConstants {
             material_slots: at(0),
             prims: at(1),
             materials: at(2),

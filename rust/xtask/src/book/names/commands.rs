@@ -3,17 +3,21 @@
 //! Python programs. Pure.
 //!
 //! Tasks of `cargo xtask` come from clap itself. Those of `oocpt` are read from its source, since xtask depends on
-//! nothing of the product: subcommands are the variants of `enum Command`, flags the fields under `#[arg(long)]`.
+//! nothing of the product: subcommands are the variants of `enum ..Command`, flags the fields under `#[arg(long)]`.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use clap::Command;
 
-use super::sources::{Text, words};
+use super::sources::{FileText, words};
 
-type Names = BTreeSet<String>;
+type NameSet = BTreeSet<String>;
 
 const CLI: &str = "rust/cli/src/";
+/// `oocpt bench` is a program of its own.
+const BENCH: &str = "rust/bench/src/";
+/// Scenes and hosts share options with every command that makes or asks one.
+const SHARED: [&str; 3] = ["rust/scenes/src/", "rust/command/src/", "plugin/texture-host"];
 /// What `UsdAppUtils` adds to every usdrecord: `pxr/usdImaging/usdAppUtils/*Args.py` of OpenUSD.
 const ADDED_BY_USD: &[&str] =
     &["camera", "colorCorrectionMode", "complexity", "defaultTime", "frames", "help", "renderer"];
@@ -28,35 +32,41 @@ const HANDED_ON: &[(&str, &[&str])] = &[
 
 /// A command of `oocpt`: its own subcommands, and all flags below it.
 #[derive(Debug, Default)]
-struct Tool {
-    commands: Names,
-    flags: Names,
+struct ToolCommand {
+    commands: NameSet,
+    flags: NameSet,
+}
+
+impl ToolCommand {
+    /// `definitions`: the files that may list its subcommands; `place`: where its options are.
+    fn new(definitions: &[String], place: &str, files: &[FileText]) -> Self {
+        let commands = definitions.iter().flat_map(|file| subcommands(text_of(files, file))).collect();
+        let [scenes, programs, host] = SHARED;
+        Self { commands, flags: flags_below(&[place, scenes, programs, host], files) }
+    }
 }
 
 /// All commands with their flags, without dashes.
 #[derive(Debug, Default)]
-pub(super) struct Commands {
-    tasks: BTreeMap<String, Names>,
-    tools: BTreeMap<String, Tool>,
-    extreme: Names,
-    usdrecord: Names,
-    programs: BTreeMap<String, Names>,
+pub(super) struct KnownCommands {
+    tasks: BTreeMap<String, NameSet>,
+    tools: BTreeMap<String, ToolCommand>,
+    extreme: NameSet,
+    usdrecord: NameSet,
+    programs: BTreeMap<String, NameSet>,
 }
 
-impl Commands {
+impl KnownCommands {
     /// `tasks` is the command line of `cargo xtask`.
-    pub(super) fn new(tasks: &Command, files: &[Text]) -> Self {
-        let below = |folders: &[&str]| -> Names {
-            let is_below = |file: &str| folders.iter().any(|folder| file.starts_with(folder));
-            files.iter().filter(|(file, _)| is_below(file)).flat_map(|(file, text)| flags(file, text)).collect()
-        };
+    pub(super) fn new(tasks: &Command, files: &[FileText]) -> Self {
+        let below = |folders: &[&str]| flags_below(folders, files);
         let mut usdrecord = below(&["plugin/usdrecord"]);
         usdrecord.extend(ADDED_BY_USD.iter().map(|&flag| flag.to_owned()));
         let mut made = Self { extreme: below(&["tests/extreme/src/"]), ..Self::default() };
         for task in tasks.get_subcommands() {
-            let mut flags: Names = task.get_arguments().filter_map(|a| a.get_long()).map(str::to_owned).collect();
+            let mut flags: NameSet = task.get_arguments().filter_map(|a| a.get_long()).map(str::to_owned).collect();
             let handed = HANDED_ON.iter().find(|(name, _)| *name == task.get_name());
-            flags.extend(handed.map_or_else(Names::new, |(_, folders)| below(folders)));
+            flags.extend(handed.map_or_else(NameSet::new, |(_, folders)| below(folders)));
             if task.get_name() == "record" {
                 flags.extend(usdrecord.iter().cloned());
             }
@@ -64,14 +74,12 @@ impl Commands {
         }
         for name in subcommands(text_of(files, &format!("{CLI}main.rs"))) {
             let stem = format!("{CLI}{}", name.replace('-', "_"));
-            let own = [format!("{stem}.rs"), format!("{stem}/mod.rs")];
-            let commands = own.iter().flat_map(|file| subcommands(text_of(files, file))).collect();
-            // Scenes and hosts share options with every command that makes or asks one.
-            let flags = below(&[&stem, &format!("{CLI}scene/"), &format!("{CLI}host.rs"), "plugin/texture-host"]);
-            made.tools.insert(name, Tool { commands, flags });
+            let tool = ToolCommand::new(&[format!("{stem}.rs"), format!("{stem}/mod.rs")], &stem, files);
+            made.tools.insert(name, tool);
         }
+        made.tools.insert("bench".to_owned(), ToolCommand::new(&[format!("{BENCH}main.rs")], BENCH, files));
         // A command of the Python package alone (plugin/package/oocpt/__main__.py): usdrecord by another name.
-        made.tools.insert("record".to_owned(), Tool { commands: Names::new(), flags: usdrecord.clone() });
+        made.tools.insert("record".to_owned(), ToolCommand { commands: NameSet::new(), flags: usdrecord.clone() });
         let scripts = files.iter().filter(|(file, _)| file.ends_with(".py"));
         made.programs = scripts.map(|(file, text)| (file.clone(), flags(file, text).collect())).collect();
         made.usdrecord = usdrecord;
@@ -110,6 +118,9 @@ impl Commands {
         if build.contains(&"oocpt-extreme") {
             return unknown_flag(rest, &self.extreme);
         }
+        if build.contains(&"oocpt-bench") {
+            return self.finding_of_tool(&[&["bench"], rest].concat());
+        }
         build.contains(&"oocpt-cli").then(|| self.finding_of_tool(rest)).flatten()
     }
 
@@ -135,7 +146,7 @@ impl Commands {
     }
 }
 
-fn unknown_flag(words: &[&str], known: &Names) -> Option<String> {
+fn unknown_flag(words: &[&str], known: &NameSet) -> Option<String> {
     let flags = words.iter().filter_map(|word| word.strip_prefix("--"));
     let names = flags.map(|flag| flag.split(|c: char| !c.is_ascii_alphanumeric() && c != '-').next().unwrap_or(flag));
     names.filter(|name| !name.is_empty()).find(|name| !known.contains(*name)).map(|name| format!("no flag --{name}"))
@@ -146,19 +157,23 @@ fn is_name(word: &str) -> bool {
     !word.starts_with('-') && word.chars().all(|c| c.is_ascii_lowercase() || c == '-')
 }
 
-fn text_of<'a>(files: &'a [Text], name: &str) -> &'a str {
+fn text_of<'a>(files: &'a [FileText], name: &str) -> &'a str {
     files.iter().find(|(file, _)| file == name).map_or("", |(_, text)| text)
 }
 
-/// Variants of `enum Command`, as clap names them.
+/// Variants of the enumeration whose name ends with `Command`, as clap names them.
 fn subcommands(text: &str) -> Vec<String> {
-    let Some((_, after)) = text.split_once("enum Command {\n") else {
-        return Vec::new();
-    };
-    let body = after.split("\n}").next().unwrap_or(after).lines();
+    let after = text.lines().skip_while(|line| !(line.contains("enum ") && line.ends_with("Command {"))).skip(1);
+    let body = after.take_while(|line| *line != "}");
     let variants =
         body.filter_map(|line| line.strip_prefix("    ")).filter(|line| line.starts_with(char::is_uppercase));
     variants.filter_map(|line| words(line).first().map(|(_, name)| kebab(name))).collect()
+}
+
+/// Flags that files below these folders define.
+fn flags_below(folders: &[&str], files: &[FileText]) -> NameSet {
+    let is_below = |file: &str| folders.iter().any(|folder| file.starts_with(folder));
+    files.iter().filter(|(file, _)| is_below(file)).flat_map(|(file, text)| flags(file, text)).collect()
 }
 
 /// Flags that a file defines, by clap or by argparse.
@@ -215,18 +230,18 @@ mod tests {
     use super::*;
     use clap::Arg;
 
-    fn commands() -> Commands {
+    fn commands() -> KnownCommands {
         let tasks = Command::new("xtask")
             .subcommand(Command::new("record"))
             .subcommand(Command::new("test").arg(Arg::new("full").long("full")));
         let files = [
-            ("rust/cli/src/main.rs", "enum Command {\n    /// Measures.\n    Bench(bench::Arguments),\n}\n"),
+            ("rust/cli/src/main.rs", "enum OocptCommand {\n    /// Measures.\n    Bench(bench::Arguments),\n}\n"),
             (
-                "rust/cli/src/bench/mod.rs",
+                "rust/bench/src/main.rs",
                 "enum Command {\n    WoodsMemory(A),\n    Island {\n        #[arg(long)]\n        out: P,\n    },\n}\n",
             ),
             (
-                "rust/cli/src/bench/island.rs",
+                "rust/bench/src/island.rs",
                 "    /// MiB.\n    #[arg(long, default_value_t = 0)]\n    pub(super) host_memory: u32,\n    \
                  #[arg(long = \"runs\")]\n    count: u32,\n    #[arg(short)]\n    quiet: bool,\n",
             ),
@@ -234,7 +249,7 @@ mod tests {
             ("plugin/usdrecord", "add(\"--imageWidth\", \"-w\")\n"),
             ("tests/scenes/forest.py", "for name in (\"width\", 3):\n    add(f\"--{name}\")\nadd(\"--seed\")\n"),
         ];
-        Commands::new(&tasks, &files.map(|(file, text)| (file.to_owned(), text.to_owned())))
+        KnownCommands::new(&tasks, &files.map(|(file, text)| (file.to_owned(), text.to_owned())))
     }
 
     #[test]
@@ -245,6 +260,7 @@ mod tests {
             "cargo xtask test [FILTER] [--full]",
             "cargo run --profile fast -p oocpt-cli --bin oocpt -- bench island --host-memory 3 --runs=2 --out a",
             "oocpt bench woods-memory",
+            "cargo run -p oocpt-bench -- island --host-memory 3",
             "oocpt bench [NAME]",
             "cargo run -p oocpt-extreme -- --against there.json",
             "$OOCPT_USD_PYTHON tests/scenes/forest.py --width 3 --seed 1 forest.usdc",
@@ -268,6 +284,7 @@ mod tests {
             ("oocpt bench moon", "oocpt bench has no command moon"),
             ("oocpt bench island --quiet", "no flag --quiet"),
             ("cargo run -p oocpt-cli --bin oocpt -- bench island --full", "no flag --full"),
+            ("cargo run -p oocpt-bench -- moon", "oocpt bench has no command moon"),
             ("cargo run -p oocpt-extreme -- --beside x", "no flag --beside"),
             ("python tests/scenes/forest.py --trees 3", "no flag --trees"),
         ] {

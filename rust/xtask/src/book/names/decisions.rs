@@ -7,7 +7,7 @@
 
 use std::collections::BTreeSet;
 
-use super::sources::Text;
+use super::sources::FileText;
 
 const FOLDER: &str = "rust/decisions/";
 const LIST: &str = "rust/decisions/README.md";
@@ -16,14 +16,14 @@ const DIGITS: usize = 4;
 
 /// Numbers of decisions with their files, and the numbers that are folded.
 #[derive(Debug, Default)]
-pub(super) struct Decisions<'a> {
+pub(super) struct DecisionList<'a> {
     /// Names such as `0004-partition.md`.
     files: BTreeSet<&'a str>,
     folded: BTreeSet<String>,
 }
 
-impl<'a> Decisions<'a> {
-    pub(super) fn new(files: &'a [String], pages: &[Text]) -> Self {
+impl<'a> DecisionList<'a> {
+    pub(super) fn new(files: &'a [String], pages: &[FileText]) -> Self {
         let list = pages.iter().filter(|(file, _)| file == LIST);
         let numbers = list.flat_map(|(_, text)| text.lines()).flat_map(references);
         Self {
@@ -82,7 +82,7 @@ mod tests {
         let files = ["rust/decisions/0004-partition.md", "rust/decisions/README.md"].map(str::to_owned);
         let list = "| 0004 | holds |\n\n## Folded\n\n| 0007 | Images | [Image files](../book/src/design/images.md) |\n";
         let pages = [(LIST.to_owned(), list.to_owned())];
-        Decisions::new(&files, &pages).findings(file, text)
+        DecisionList::new(&files, &pages).findings(file, text)
     }
 
     #[test]

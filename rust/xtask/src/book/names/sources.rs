@@ -7,7 +7,7 @@
 use std::collections::HashSet;
 
 /// A file of the clone with its text.
-pub(in crate::book) type Text = (String, String);
+pub(in crate::book) type FileText = (String, String);
 
 /// Words before a name that they define.
 const DEFINES: &[&str] = &[
@@ -37,7 +37,7 @@ const NO_TYPES: &[&str] =
 
 /// Names that one source holds, comments left out.
 #[derive(Debug, Default)]
-struct Source {
+struct SourceNames {
     /// With the folders that the file lies in, which are modules.
     words: HashSet<String>,
     defined: HashSet<String>,
@@ -46,14 +46,14 @@ struct Source {
 
 /// Names that the sources hold.
 #[derive(Debug, Default)]
-pub(super) struct Sources {
-    files: Vec<Source>,
+pub(super) struct SourceIndex {
+    files: Vec<SourceNames>,
     keys: HashSet<String>,
 }
 
-impl Sources {
+impl SourceIndex {
     /// Reads all `files` that are sources.
-    pub(super) fn new(files: &[Text]) -> Self {
+    pub(super) fn new(files: &[FileText]) -> Self {
         let mut sources = Self::default();
         for (file, text) in files {
             sources.add(file, text);
@@ -93,8 +93,8 @@ impl Sources {
         if is_shipped(file) {
             self.keys.extend(keys(shipped_part(text)));
         }
-        let language = Language::of(file);
-        let mut source = Source::default();
+        let language = CommentStyle::of(file);
+        let mut source = SourceNames::default();
         source.defined.extend(names_of_file(file));
         source.words.extend(file.split(['/', '.']).map(str::to_owned));
         source.words.extend(names_of_file(file));
@@ -105,17 +105,17 @@ impl Sources {
     }
 }
 
-impl Source {
-    fn add_line(&mut self, language: Language, line: &str) {
+impl SourceNames {
+    fn add_line(&mut self, language: CommentStyle, line: &str) {
         let found = words(line);
-        let is_exported = language == Language::Rust && line.trim_start().starts_with("pub use ");
+        let is_exported = language == CommentStyle::Rust && line.trim_start().starts_with("pub use ");
         for (index, &(at, word)) in found.iter().enumerate() {
             let rest = line[at + word.len()..].trim_start();
             let before = index.checked_sub(1).map(|i| found[i]);
             let between = before.map_or("", |(start, previous)| line[start + previous.len()..at].trim());
             let previous = before.map_or("", |(_, previous)| previous);
             let is_after = |words: &[&str]| matches!(between, "" | "!") && words.contains(&previous);
-            let is_c = language == Language::C && matches!(between, "" | "*" | "&" | ">" | "&&");
+            let is_c = language == CommentStyle::C && matches!(between, "" | "*" | "&" | ">" | "&&");
             let is_typed = is_c && !previous.is_empty() && !NO_TYPES.contains(&previous);
             if is_after(DEFINES_CALLS) || is_typed && rest.starts_with('(') {
                 self.calls.insert(word.to_owned());
@@ -133,7 +133,7 @@ impl Source {
 
 /// How comments begin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Language {
+enum CommentStyle {
     Rust,
     /// C++ and GLSL.
     C,
@@ -141,7 +141,7 @@ enum Language {
     Hash,
 }
 
-impl Language {
+impl CommentStyle {
     fn of(file: &str) -> Self {
         match file.rsplit_once('.').map(|(_, extension)| extension) {
             Some("rs") => Self::Rust,
@@ -227,8 +227,8 @@ pub(super) fn words(line: &str) -> Vec<(usize, &str)> {
 mod tests {
     use super::*;
 
-    fn sources(file: &str, text: &str) -> Sources {
-        Sources::new(&[(file.to_owned(), text.to_owned())])
+    fn sources(file: &str, text: &str) -> SourceIndex {
+        SourceIndex::new(&[(file.to_owned(), text.to_owned())])
     }
 
     #[test]

@@ -6,7 +6,7 @@ use crate::desc::{CurveBasis, CurveWrap};
 /// Four control points of a cubic segment, or two of a line (the last two of `vertices` are not used then): numbers
 /// within the curve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Segment {
+pub(super) struct CurveSegment {
     pub(super) vertices: [usize; 4],
     /// The first control point is the second one mirrored, `2 P0 - P1` (pinned ends).
     pub(super) mirrors_first: bool,
@@ -15,8 +15,8 @@ pub(super) struct Segment {
 }
 
 /// The segments of a curve of `count` vertices, in their order; none if there are too few.
-pub(super) fn segments(basis: CurveBasis, wrap: CurveWrap, count: usize) -> Vec<Segment> {
-    let plain = |vertices: [usize; 4]| Segment { vertices, mirrors_first: false, mirrors_last: false };
+pub(super) fn segments(basis: CurveBasis, wrap: CurveWrap, count: usize) -> Vec<CurveSegment> {
+    let plain = |vertices: [usize; 4]| CurveSegment { vertices, mirrors_first: false, mirrors_last: false };
     let around = |first: usize| plain([0, 1, 2, 3].map(|k| (first + k) % count.max(1)));
     match (basis, wrap) {
         (CurveBasis::Linear, CurveWrap::Segmented) => (0..count / 2).map(|k| around(2 * k)).collect(),
@@ -28,7 +28,7 @@ pub(super) fn segments(basis: CurveBasis, wrap: CurveWrap, count: usize) -> Vec<
             (0..count).map(around).collect()
         }
         (CurveBasis::BSpline | CurveBasis::CatmullRom, CurveWrap::Pinned) if count >= 2 => {
-            let segment = |k: usize| Segment {
+            let segment = |k: usize| CurveSegment {
                 vertices: [k.saturating_sub(1), k, k + 1, (k + 2).min(count - 1)],
                 mirrors_first: k == 0,
                 mirrors_last: k + 2 == count,
@@ -50,7 +50,7 @@ pub(super) fn varying_count(basis: CurveBasis, wrap: CurveWrap, segments: usize,
     }
 }
 
-impl Segment {
+impl CurveSegment {
     /// Weights of the four control points at `t` in `[0, 1]`.
     pub(super) fn weights(&self, basis: CurveBasis, t: f64) -> [f64; 4] {
         let s = 1.0 - t;
@@ -120,7 +120,7 @@ mod tests {
 
     #[test]
     fn basis_weights_match_known_curve_points() {
-        let segment = Segment { vertices: [0, 1, 2, 3], mirrors_first: false, mirrors_last: false };
+        let segment = CurveSegment { vertices: [0, 1, 2, 3], mirrors_first: false, mirrors_last: false };
         let points = [1.0, 3.0, 4.0, 8.0];
         let ends = |basis| [0.0, 1.0].map(|t| at(segment.weights(basis, t), points));
         assert_eq!(ends(CurveBasis::Linear), [1.0, 3.0], "from the first point to the second");
@@ -149,7 +149,8 @@ mod tests {
                 let points: Vec<f64> = (0..count).map(|k| (k * k) as f64 + 1.0).collect();
                 let segments = segments(basis, CurveWrap::Pinned, count);
                 assert_eq!(segments.len(), count - 1, "as many as there are gaps");
-                let value = |segment: &Segment, t| at(segment.weights(basis, t), segment.vertices.map(|v| points[v]));
+                let value =
+                    |segment: &CurveSegment, t| at(segment.weights(basis, t), segment.vertices.map(|v| points[v]));
                 let (first, last) = (segments.first().unwrap(), segments.last().unwrap());
                 assert!((value(first, 0.0) - 1.0).abs() < 1e-12, "{basis:?} begins at the first point");
                 assert!((value(last, 1.0) - points[count - 1]).abs() < 1e-9, "{basis:?} ends at the last one");

@@ -8,12 +8,12 @@
 
 use glam::{DVec3, DVec4};
 
-use super::basis::{Segment, segments, varying_count};
-use super::lines::{Lines, usable_widths};
+use super::basis::{CurveSegment, segments, varying_count};
+use super::lines::{LineWidths, usable_widths};
 use super::{is_width, point};
 use crate::array::{ArrayView, ElementType, TypedArray};
 use crate::desc::{CurvesDesc, DroppedData, Interpolation, MeshDesc, Primvar};
-use crate::mesh::dicing::Dicing;
+use crate::mesh::dicing::DicingRate;
 
 /// Largest distance of a piece from its curve, in dicing rates.
 const TOLERANCE: f64 = 0.05;
@@ -32,14 +32,14 @@ const ALWAYS_PIECES: u32 = 8;
 
 /// A straight piece between two of the cut's points.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Piece {
+pub(super) struct CurvePiece {
     pub(super) ends: [u32; 2],
     pub(super) curve: u32,
 }
 
 /// Where a point of the cut comes from.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Stencil {
+pub(super) struct CurveStencil {
     /// Points of the prim and their weights.
     pub(super) vertex: [(u32, f32); 4],
     /// The two nearest values of a varying primvar, and how far it is from the first to the second.
@@ -49,12 +49,12 @@ pub(super) struct Stencil {
 
 /// All curves of a prim.
 #[derive(Debug, Default)]
-pub(super) struct Cut {
+pub(super) struct CutCurves {
     pub(super) curve_count: usize,
-    pub(super) pieces: Vec<Piece>,
+    pub(super) pieces: Vec<CurvePiece>,
     pub(super) points: Vec<[f32; 3]>,
     pub(super) radii: Vec<f32>,
-    pub(super) stencils: Vec<Stencil>,
+    pub(super) stencils: Vec<CurveStencil>,
     /// Unit directions of the curves, for ribbons.
     pub(super) tangents: Vec<DVec3>,
     /// Weights of the stencils' points in these directions, of what moves.
@@ -73,7 +73,7 @@ pub(super) struct Cut {
 }
 
 /// A curve while it is cut.
-struct Curve<'a> {
+struct ControlCurve<'a> {
     number: u32,
     /// Points of its vertices.
     vertices: &'a [u32],
@@ -82,17 +82,17 @@ struct Curve<'a> {
 }
 
 /// Radii by whatever widths go by.
-pub(super) struct Radii<'a> {
+pub(super) struct CurveRadii<'a> {
     interpolation: Interpolation,
-    view: Result<ArrayView<'a>, Lines<'a>>,
+    view: Result<ArrayView<'a>, LineWidths<'a>>,
 }
 
-impl Cut {
+impl CutCurves {
     /// `moves`: it will be asked for poses.
     pub(super) fn new(
         desc: &MeshDesc,
         curves: &CurvesDesc,
-        dicing: &Dicing,
+        dicing: &DicingRate,
         moves: bool,
         dropped: &mut DroppedData,
     ) -> Self {
@@ -100,12 +100,12 @@ impl Cut {
     }
 
     /// Points of the cut, or somewhat more.
-    pub(super) fn count(desc: &MeshDesc, curves: &CurvesDesc, dicing: &Dicing) -> u64 {
+    pub(super) fn count(desc: &MeshDesc, curves: &CurvesDesc, dicing: &DicingRate) -> u64 {
         let counting = Self { counts_only: true, ..Self::default() };
         counting.read(desc, curves, dicing, &mut DroppedData::default()).point_total
     }
 
-    fn read(self, desc: &MeshDesc, curves: &CurvesDesc, dicing: &Dicing, dropped: &mut DroppedData) -> Self {
+    fn read(self, desc: &MeshDesc, curves: &CurvesDesc, dicing: &DicingRate, dropped: &mut DroppedData) -> Self {
         let counts = curves.counts.view();
         let indices = curves.indices.as_ref().map(TypedArray::view).filter(|indices| !indices.is_empty());
         let is_int = |view: &ArrayView<'_>| view.is_empty() || view.element() == ElementType::I32;
@@ -115,7 +115,7 @@ impl Cut {
         }
         let points = desc.points.view();
         let available = indices.map_or(points.len(), |indices| indices.len());
-        let radii = Radii::of(desc, dicing, dropped);
+        let radii = CurveRadii::of(desc, dicing, dropped);
         let mut cut = Self { curve_count: counts.len(), most_pieces: most_pieces(available), ..self };
         let (mut first, mut vertices) = (0_usize, Vec::new());
         for (at, number) in (0..counts.len()).zip(0_u32..) {
@@ -138,7 +138,7 @@ impl Cut {
             first += count;
             let segments = segments(curves.basis, curves.wrap, count);
             let varying = varying_count(curves.basis, curves.wrap, segments.len(), count);
-            let curve = Curve { number, vertices: &vertices, varying: (cut.varying_count, varying) };
+            let curve = ControlCurve { number, vertices: &vertices, varying: (cut.varying_count, varying) };
             cut.varying_count += varying;
             if vertices.len() < count || segments.is_empty() {
                 dropped.curves += 1;
@@ -158,12 +158,12 @@ impl Cut {
     #[expect(clippy::too_many_arguments, reason = "all of them differ from curve to curve or from prim to prim")]
     fn add(
         &mut self,
-        curve: &Curve<'_>,
+        curve: &ControlCurve<'_>,
         desc: &CurvesDesc,
-        segments: &[Segment],
+        segments: &[CurveSegment],
         points: &ArrayView<'_>,
-        radii: &Radii<'_>,
-        dicing: &Dicing,
+        radii: &CurveRadii<'_>,
+        dicing: &DicingRate,
         level: u8,
     ) {
         let control = |vertex: usize, varying: f64| {
@@ -174,7 +174,7 @@ impl Cut {
                 Err(lines) => 0.5 * lines.width(place),
             })
         };
-        let sum = |segment: &Segment, weights: [f64; 4], varying: f64| -> DVec4 {
+        let sum = |segment: &CurveSegment, weights: [f64; 4], varying: f64| -> DVec4 {
             segment.vertices.iter().zip(weights).map(|(&vertex, weight)| control(vertex, varying) * weight).sum()
         };
         let start = self.points.len();
@@ -213,12 +213,12 @@ impl Cut {
 
     fn piece(&mut self, a: usize, b: usize, curve: u32) {
         if let (Ok(a), Ok(b)) = (u32::try_from(a), u32::try_from(b)) {
-            self.pieces.push(Piece { ends: [a, b], curve });
+            self.pieces.push(CurvePiece { ends: [a, b], curve });
         }
     }
 
     #[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is what is wanted")]
-    fn push(&mut self, place: DVec4, tangent: DVec3, stencil: Stencil, curve: u32) {
+    fn push(&mut self, place: DVec4, tangent: DVec3, stencil: CurveStencil, curve: u32) {
         self.points.push(place.truncate().as_vec3().to_array());
         // Splines of positive widths may be negative.
         self.radii.push(place.w.max(0.0) as f32);
@@ -235,7 +235,13 @@ fn most_pieces(vertices: usize) -> u32 {
 }
 
 /// Pieces of a segment; `sum` gives place and radius for weights.
-fn pieces(segment: &Segment, curves: &CurvesDesc, dicing: &Dicing, level: u8, sum: impl Fn([f64; 4]) -> DVec4) -> u32 {
+fn pieces(
+    segment: &CurveSegment,
+    curves: &CurvesDesc,
+    dicing: &DicingRate,
+    level: u8,
+    sum: impl Fn([f64; 4]) -> DVec4,
+) -> u32 {
     if curves.basis == crate::desc::CurveBasis::Linear {
         return 1;
     }
@@ -262,23 +268,23 @@ fn pieces(segment: &Segment, curves: &CurvesDesc, dicing: &Dicing, level: u8, su
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is what is wanted")]
-fn stencil(segment: &Segment, weights: [f64; 4], number: usize, t: f64, curve: &Curve<'_>) -> Stencil {
+fn stencil(segment: &CurveSegment, weights: [f64; 4], number: usize, t: f64, curve: &ControlCurve<'_>) -> CurveStencil {
     let vertex = |k: usize| {
         let at = segment.vertices.get(k).and_then(|&v| curve.vertices.get(v)).copied().unwrap_or(0);
         (at, weights.get(k).copied().unwrap_or(0.0) as f32)
     };
     let (first, count) = curve.varying;
     let varying = |k: usize| u32::try_from(first + k % count.max(1)).unwrap_or(0);
-    Stencil { vertex: [0, 1, 2, 3].map(vertex), varying: [varying(number), varying(number + 1)], along: t as f32 }
+    CurveStencil { vertex: [0, 1, 2, 3].map(vertex), varying: [varying(number), varying(number + 1)], along: t as f32 }
 }
 
-impl<'a> Radii<'a> {
+impl<'a> CurveRadii<'a> {
     /// Those of a prim: of its widths, or where it has none that can be used, of lines.
-    fn of(desc: &'a MeshDesc, dicing: &'a Dicing, dropped: &mut DroppedData) -> Self {
+    fn of(desc: &'a MeshDesc, dicing: &'a DicingRate, dropped: &mut DroppedData) -> Self {
         let usable = usable_widths(desc);
         dropped.primvars += u64::from(desc.widths.as_ref().is_some_and(|w| !w.values.is_empty()) && usable.is_none());
         usable.map_or_else(
-            || Self { interpolation: Interpolation::Constant, view: Err(Lines::of(desc, dicing)) },
+            || Self { interpolation: Interpolation::Constant, view: Err(LineWidths::of(desc, dicing)) },
             Self::of_widths,
         )
     }
@@ -307,7 +313,7 @@ impl<'a> Radii<'a> {
     }
 
     /// Radius at a point of the cut; 0 where a spline is negative.
-    pub(super) fn at_stencil(&self, stencil: &Stencil, curve: u32) -> f64 {
+    pub(super) fn at_stencil(&self, stencil: &CurveStencil, curve: u32) -> f64 {
         let width = match self.interpolation {
             Interpolation::Constant | Interpolation::Instance => self.width(0),
             Interpolation::Uniform => self.width(curve as usize),
@@ -324,7 +330,7 @@ impl<'a> Radii<'a> {
 
     /// Radius at a vertex, or so many segments along a curve. What is missing is as wide as the first, what makes no
     /// sense has no width.
-    fn at(&self, point: usize, along: f64, curve: &Curve<'_>) -> f64 {
+    fn at(&self, point: usize, along: f64, curve: &ControlCurve<'_>) -> f64 {
         let width = |at: usize| self.width(at);
         0.5 * match self.interpolation {
             Interpolation::Constant | Interpolation::Instance => width(0),
@@ -359,12 +365,12 @@ mod tests {
             indices: None,
         };
         let desc = MeshDesc { points: TypedArray::of(points), ..MeshDesc::default() };
-        let near = Dicing { pixels: 2.0, density: 1e12, ..Dicing::default() };
+        let near = DicingRate { pixels: 2.0, density: 1e12, ..DicingRate::default() };
         let mut dropped = DroppedData::default();
-        let cut = Cut::new(&desc, &curves, &near, false, &mut dropped);
+        let cut = CutCurves::new(&desc, &curves, &near, false, &mut dropped);
         assert_eq!((cut.pieces.len(), dropped.coarse_meshes), (2 * 128, 1), "two segments, cut as all would be");
         let mut dropped = DroppedData::default();
-        let cut = Cut::new(&desc, &curves, &Dicing { density: 1.0, ..near }, false, &mut dropped);
+        let cut = CutCurves::new(&desc, &curves, &DicingRate { density: 1.0, ..near }, false, &mut dropped);
         assert_eq!(dropped.coarse_meshes, 0, "far away {} pieces are enough", cut.pieces.len());
     }
 }

@@ -14,21 +14,21 @@ mod values;
 
 use glam::Vec3;
 
-use super::{Items, LeafKind, Vertices, point};
+use super::{ItemVertices, LeafItems, LeafKind, point};
 use crate::array::ArrayView;
 use crate::desc::{CurvesDesc, DroppedData, Interpolation, MeshDesc, NamedPrimvar, Primvar};
 use crate::material::ACROSS_NAME;
-use crate::mesh::deform::Pose;
-use crate::mesh::dicing::Dicing;
+use crate::mesh::deform::PointsPose;
+use crate::mesh::dicing::DicingRate;
 use crate::mesh::refine_values::primvar_of;
-use crate::mesh::topology::{Face, MAX_COORDINATE, MAX_CORNERS, Topology};
+use crate::mesh::topology::{MAX_COORDINATE, MAX_CORNERS, MeshFace, MeshTopology};
 use crate::mesh::{Aabb, WantedPrimvar};
-use curves::Cut;
+use curves::CutCurves;
 pub(in crate::mesh) use lines::is_of_lines;
-use lines::{Lines, usable_widths};
-use posed::Ribbon;
+use lines::{LineWidths, usable_widths};
+use posed::RibbonPoints;
 
-pub(in crate::mesh) fn bounds(&[first, second, [from, to, _]]: &Vertices) -> Aabb {
+pub(in crate::mesh) fn bounds(&[first, second, [from, to, _]]: &ItemVertices) -> Aabb {
     ball_box(first, from).union(&ball_box(second, to))
 }
 
@@ -37,7 +37,7 @@ fn ball_box(center: [f32; 3], radius: f32) -> Aabb {
     Aabb { min: center.map(|v| (v - radius).next_down()), max: center.map(|v| (v + radius).next_up()) }
 }
 
-pub(in crate::mesh) fn vertices([first, second, _]: Vertices, [from, to, _]: [f32; 3]) -> Vertices {
+pub(in crate::mesh) fn vertices([first, second, _]: ItemVertices, [from, to, _]: [f32; 3]) -> ItemVertices {
     [first, second, [from, to, 0.0]]
 }
 
@@ -51,8 +51,8 @@ fn usable_points<'a>(desc: &'a MeshDesc, dropped: &mut DroppedData) -> Option<Ar
 }
 
 /// Points that curves are cut at, or somewhat more.
-pub(in crate::mesh) fn curve_points(desc: &MeshDesc, curves: &CurvesDesc, dicing: &Dicing) -> u64 {
-    usable_points(desc, &mut DroppedData::default()).map_or(0, |_| Cut::count(desc, curves, dicing))
+pub(in crate::mesh) fn curve_points(desc: &MeshDesc, curves: &CurvesDesc, dicing: &DicingRate) -> u64 {
+    usable_points(desc, &mut DroppedData::default()).map_or(0, |_| CutCurves::count(desc, curves, dicing))
 }
 
 /// An item for each piece, or two of a ribbon, with the number of its curve.
@@ -60,26 +60,26 @@ pub(super) fn read_curves(
     desc: &MeshDesc,
     curves: &CurvesDesc,
     wanted: &[WantedPrimvar],
-    dicing: &Dicing,
-    poses: &[Pose],
+    dicing: &DicingRate,
+    poses: &[PointsPose],
     dropped: &mut DroppedData,
-) -> Items {
+) -> LeafItems {
     if usable_points(desc, dropped).is_none() {
         return nothing(desc);
     }
-    let cut = Cut::new(desc, curves, dicing, !poses.is_empty(), dropped);
+    let cut = CutCurves::new(desc, curves, dicing, !poses.is_empty(), dropped);
     match cut.ribbon(desc, dropped) {
         Some(ribbon) => {
             let poses = poses.iter().filter_map(|pose| cut.ribbon_at(desc, pose)).collect();
-            Items { poses, ..as_ribbons(desc, wanted, &cut, &ribbon, dropped) }
+            LeafItems { poses, ..as_ribbons(desc, wanted, &cut, &ribbon, dropped) }
         }
         None => as_tubes(desc, wanted, cut, poses, dropped),
     }
 }
 
-fn nothing(desc: &MeshDesc) -> Items {
-    Items {
-        topology: Topology::default(),
+fn nothing(desc: &MeshDesc) -> LeafItems {
+    LeafItems {
+        topology: MeshTopology::default(),
         desc: desc.clone(),
         kind: LeafKind::Rounds,
         radii: Vec::new(),
@@ -94,11 +94,16 @@ pub(in crate::mesh) fn is_width(width: f64) -> bool {
 
 /// Balls, an item for each point.
 #[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is what is wanted")]
-pub(super) fn read_points(desc: &MeshDesc, dicing: &Dicing, poses: &[Pose], dropped: &mut DroppedData) -> Items {
+pub(super) fn read_points(
+    desc: &MeshDesc,
+    dicing: &DicingRate,
+    poses: &[PointsPose],
+    dropped: &mut DroppedData,
+) -> LeafItems {
     let Some(view) = usable_points(desc, dropped) else { return nothing(desc) };
-    let widths = Widths::of_points(desc, dicing, dropped);
-    let poses: Vec<Pose> = poses.iter().map(|pose| widened(desc, pose, view.len())).collect();
-    let (mut topology, mut radii) = (Topology { face_count: view.len(), ..Topology::default() }, Vec::new());
+    let widths = PointWidths::of_points(desc, dicing, dropped);
+    let poses: Vec<PointsPose> = poses.iter().map(|pose| widened(desc, pose, view.len())).collect();
+    let (mut topology, mut radii) = (MeshTopology { face_count: view.len(), ..MeshTopology::default() }, Vec::new());
     for (at, index) in (0..view.len()).zip(0_u32..) {
         let place = point(&view, at);
         let width = widths.at(at, place.unwrap_or_default());
@@ -108,7 +113,7 @@ pub(super) fn read_points(desc: &MeshDesc, dicing: &Dicing, poses: &[Pose], drop
             dropped.points += 1;
         } else if width > 0.0 || poses.iter().any(|pose| has_width(pose, at)) {
             let first = u32::try_from(topology.corners.len()).unwrap_or(u32::MAX);
-            topology.faces.push(Face { index, first, count: 3, is_hole: false });
+            topology.faces.push(MeshFace { index, first, count: 3, is_hole: false });
             topology.corners.extend([index; 3]);
         }
     }
@@ -127,37 +132,37 @@ pub(super) fn read_points(desc: &MeshDesc, dicing: &Dicing, poses: &[Pose], drop
             named.primvar.interpolation = Interpolation::Constant;
         }
     }
-    Items { topology, desc, kind: LeafKind::Points, radii, poses }
+    LeafItems { topology, desc, kind: LeafKind::Points, radii, poses }
 }
 
 /// A pose of points, with their radii at it where widths change.
 #[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is what is wanted")]
-fn widened(desc: &MeshDesc, pose: &Pose, count: usize) -> Pose {
+fn widened(desc: &MeshDesc, pose: &PointsPose, count: usize) -> PointsPose {
     let radii = pose.widths.as_ref().zip(desc.widths.as_ref()).map(|(values, own)| {
         let primvar = Primvar { values: values.clone(), ..own.clone() };
-        let widths = Widths::of_widths(&primvar);
+        let widths = PointWidths::of_widths(&primvar);
         (0..count).map(|at| (0.5 * widths.at(at, [0.0; 3])) as f32).collect()
     });
-    Pose { radii, ..pose.clone() }
+    PointsPose { radii, ..pose.clone() }
 }
 
 /// Whether a point can be seen at a pose that has widths of its own.
-fn has_width(pose: &Pose, at: usize) -> bool {
+fn has_width(pose: &PointsPose, at: usize) -> bool {
     pose.radii.as_ref().and_then(|radii| radii.get(at)).is_some_and(|&radius| radius > 0.0)
 }
 
 /// Widths by point.
-enum Widths<'a> {
+enum PointWidths<'a> {
     Constant(f64),
     ByPoint(ArrayView<'a>),
-    Lines(Lines<'a>),
+    Lines(LineWidths<'a>),
 }
 
-impl<'a> Widths<'a> {
-    fn of_points(desc: &'a MeshDesc, dicing: &'a Dicing, dropped: &mut DroppedData) -> Self {
+impl<'a> PointWidths<'a> {
+    fn of_points(desc: &'a MeshDesc, dicing: &'a DicingRate, dropped: &mut DroppedData) -> Self {
         let usable = usable_widths(desc);
         dropped.primvars += u64::from(desc.widths.as_ref().is_some_and(|w| !w.values.is_empty()) && usable.is_none());
-        usable.map_or_else(|| Self::Lines(Lines::of(desc, dicing)), Self::of_widths)
+        usable.map_or_else(|| Self::Lines(LineWidths::of(desc, dicing)), Self::of_widths)
     }
 
     fn of_widths(primvar: &'a Primvar) -> Self {
@@ -179,9 +184,15 @@ impl<'a> Widths<'a> {
 }
 
 /// Pieces as hulls of balls.
-fn as_tubes(desc: &MeshDesc, wanted: &[WantedPrimvar], cut: Cut, poses: &[Pose], dropped: &mut DroppedData) -> Items {
-    let poses: Vec<Pose> = poses.iter().map(|pose| cut.posed(desc, pose)).collect();
-    let mut topology = Topology { face_count: cut.curve_count, ..Topology::default() };
+fn as_tubes(
+    desc: &MeshDesc,
+    wanted: &[WantedPrimvar],
+    cut: CutCurves,
+    poses: &[PointsPose],
+    dropped: &mut DroppedData,
+) -> LeafItems {
+    let poses: Vec<PointsPose> = poses.iter().map(|pose| cut.posed(desc, pose)).collect();
+    let mut topology = MeshTopology { face_count: cut.curve_count, ..MeshTopology::default() };
     for piece in &cut.pieces {
         let [a, b] = piece.ends;
         let is_seen = piece.ends.iter().any(|&end| {
@@ -189,30 +200,31 @@ fn as_tubes(desc: &MeshDesc, wanted: &[WantedPrimvar], cut: Cut, poses: &[Pose],
             own || poses.iter().any(|pose| has_width(pose, end as usize))
         });
         if let (true, Ok(first)) = (is_seen, u32::try_from(topology.corners.len())) {
-            topology.faces.push(Face { index: piece.curve, first, count: 3, is_hole: false });
+            topology.faces.push(MeshFace { index: piece.curve, first, count: 3, is_hole: false });
             topology.corners.extend([a, b, a]);
         }
     }
     let desc = values::on_curves(desc, wanted, &cut, 1, dropped);
     topology.points = cut.points;
-    Items { topology, desc, kind: LeafKind::Rounds, radii: cut.radii, poses }
+    LeafItems { topology, desc, kind: LeafKind::Rounds, radii: cut.radii, poses }
 }
 
 /// Pieces as two triangles each, across the normals. The two points of an end have the values of the end.
 fn as_ribbons(
     desc: &MeshDesc,
     wanted: &[WantedPrimvar],
-    cut: &Cut,
-    ribbon: &Ribbon,
+    cut: &CutCurves,
+    ribbon: &RibbonPoints,
     dropped: &mut DroppedData,
-) -> Items {
-    let mut topology = Topology { face_count: cut.curve_count, points: ribbon.points.clone(), ..Topology::default() };
+) -> LeafItems {
+    let mut topology =
+        MeshTopology { face_count: cut.curve_count, points: ribbon.points.clone(), ..MeshTopology::default() };
     for piece in &cut.pieces {
         let [a, b] = piece.ends.map(|end| 2 * end);
         // Right-handed around the normals.
         for corners in [[a, b + 1, b], [a, a + 1, b + 1]] {
             let Ok(first) = u32::try_from(topology.corners.len()) else { continue };
-            topology.faces.push(Face { index: piece.curve, first, count: 3, is_hole: false });
+            topology.faces.push(MeshFace { index: piece.curve, first, count: 3, is_hole: false });
             topology.corners.extend(corners);
         }
     }
@@ -223,5 +235,5 @@ fn as_ribbons(
         let across = ribbon.points.chunks(2).flat_map(|_| [1.0, -1.0]).collect();
         desc.primvars.push(NamedPrimvar { name: ACROSS_NAME.into(), primvar: primvar_of(1, across) });
     }
-    Items { topology, desc, kind: LeafKind::Triangles, radii: Vec::new(), poses: Vec::new() }
+    LeafItems { topology, desc, kind: LeafKind::Triangles, radii: Vec::new(), poses: Vec::new() }
 }

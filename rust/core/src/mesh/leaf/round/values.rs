@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Primvars at the points of cut curves. Pure.
 
-use super::curves::Cut;
+use super::curves::CutCurves;
 use crate::desc::{DroppedData, Interpolation, MeshDesc, NamedPrimvar, Primvar};
 use crate::mesh::WantedPrimvar;
 use crate::mesh::refine_values::{by_point, primvar_of};
@@ -10,7 +10,7 @@ use crate::mesh::refine_values::{by_point, primvar_of};
 pub(super) fn on_curves(
     desc: &MeshDesc,
     wanted: &[WantedPrimvar],
-    cut: &Cut,
+    cut: &CutCurves,
     times: usize,
     dropped: &mut DroppedData,
 ) -> MeshDesc {
@@ -43,7 +43,7 @@ pub(super) fn on_curves(
 pub(super) fn on_points(
     primvar: &Primvar,
     desc: &MeshDesc,
-    cut: &Cut,
+    cut: &CutCurves,
     dropped: &mut DroppedData,
 ) -> Option<(usize, Vec<f32>)> {
     let count = match primvar.interpolation {

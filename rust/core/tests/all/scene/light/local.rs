@@ -5,8 +5,8 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use std::sync::Arc;
 
 use glam::{DMat4, DQuat, DVec3};
-use oocpt_core::scene::{Emitter, InstancedBy, LinkTable, LocalLight, LocalShape};
-use oocpt_core::{AssetRef, Light, LightDesc, LightKind, SceneDb, Shaping};
+use oocpt_core::scene::{InstancedBy, LightEmitter, LinkTable, LocalLight, LocalShape};
+use oocpt_core::{AssetRef, Light, LightDesc, LightKind, SceneDb, ShapingCone};
 
 use crate::support::{committed, prim, scatter};
 
@@ -29,7 +29,7 @@ fn cylinder(length: f32, radius: f32) -> LightKind {
 }
 
 fn local(light: &Light) -> Arc<LocalLight> {
-    let local = if let Emitter::Local(local) = &light.emitter { Some(local) } else { None };
+    let local = if let LightEmitter::Local(local) = &light.emitter { Some(local) } else { None };
     Arc::clone(local.expect("a local light"))
 }
 
@@ -129,29 +129,30 @@ fn plane_lights_point_along_minus_z_even_without_a_z_axis() {
 
 #[test]
 fn shaping_is_checked_and_left_out_where_it_does_nothing() {
-    let with = |shaping: Shaping| {
+    let with = |shaping: ShapingCone| {
         let light = Light::from_desc(&LightDesc { shaping: Some(shaping), ..desc(sphere(1.0), DMat4::IDENTITY) });
         light.map(|light| local(&light).shaping.clone())
     };
-    let wide = Shaping { cone_angle_degrees: 180.0, ..Shaping::default() };
+    let wide = ShapingCone { cone_angle_degrees: 180.0, ..ShapingCone::default() };
     assert_eq!(with(wide.clone()), Some(None), "everywhere is no shape");
     let soft =
-        with(Shaping { cone_angle_degrees: 60.0, cone_softness: 0.5, ..wide.clone() }).flatten().expect("shaped");
+        with(ShapingCone { cone_angle_degrees: 60.0, cone_softness: 0.5, ..wide.clone() }).flatten().expect("shaped");
     assert!(
         (f64::from(soft.cone_angle) - PI / 3.0).abs() < 1e-6
             && (soft.smooth_start * 2.0 - soft.cone_angle).abs() < 1e-6
     );
-    let hard = with(Shaping { cone_softness: 7.0, focus: -1.0, ..Shaping::default() }).flatten().expect("shaped");
+    let hard =
+        with(ShapingCone { cone_softness: 7.0, focus: -1.0, ..ShapingCone::default() }).flatten().expect("shaped");
     assert!(hard.smooth_start.abs() < 1e-6 && hard.focus.abs() < 1e-6, "clamped: {hard:?}");
-    assert_eq!(with(Shaping { focus: f32::NAN, ..wide.clone() }), None, "not a number");
-    assert!(with(Shaping::default()).flatten().is_some(), "90 degrees of a sphere are a half");
-    let flat = |shaping: Shaping| {
+    assert_eq!(with(ShapingCone { focus: f32::NAN, ..wide.clone() }), None, "not a number");
+    assert!(with(ShapingCone::default()).flatten().is_some(), "90 degrees of a sphere are a half");
+    let flat = |shaping: ShapingCone| {
         let light = Light::from_desc(&LightDesc { shaping: Some(shaping), ..desc(rect(1.0, 1.0), DMat4::IDENTITY) });
         local(&light.expect("a light")).shaping.clone()
     };
-    assert_eq!(flat(Shaping::default()), None, "90 degrees of a rectangle are all that it has");
-    let profile = Shaping { ies: Some(AssetRef { authored: "a.ies".into(), resolved: "".into() }), ..wide };
-    let profiled = with(Shaping { cone_angle_degrees: 20.0, cone_softness: 0.5, ..profile }).flatten();
+    assert_eq!(flat(ShapingCone::default()), None, "90 degrees of a rectangle are all that it has");
+    let profile = ShapingCone { ies: Some(AssetRef { authored: "a.ies".into(), resolved: "".into() }), ..wide };
+    let profiled = with(ShapingCone { cone_angle_degrees: 20.0, cone_softness: 0.5, ..profile }).flatten();
     let profiled = profiled.expect("a file that is missing is still named");
     let whole = [profiled.cone_angle, profiled.smooth_start].iter().all(|angle| (f64::from(*angle) - PI).abs() < 1e-6);
     assert!(profiled.ies.is_some() && whole, "the cone is not the profile's: {profiled:?}");

@@ -5,7 +5,7 @@ use oocpt_abi::Features;
 use std::f64::consts::PI;
 
 use glam::{DMat4, DQuat, DVec3};
-use oocpt_core::scene::{Emitter, blackbody};
+use oocpt_core::scene::{LightEmitter, blackbody};
 use oocpt_core::{Light, LightDesc, LightKind, SceneDb};
 
 use crate::support::{committed, prim};
@@ -28,7 +28,7 @@ fn light(kind: LightKind) -> LightDesc {
 fn distant(desc: &LightDesc) -> ([f32; 3], [f32; 3], f32) {
     let light = Light::from_desc(desc).expect("a light");
     let distant = match light.emitter {
-        Emitter::Distant { direction, one_minus_cos } => Some((direction, one_minus_cos)),
+        LightEmitter::Distant { direction, one_minus_cos } => Some((direction, one_minus_cos)),
         _ => None,
     };
     let (direction, one_minus_cos) = distant.expect("a distant light");
@@ -41,7 +41,7 @@ fn intensity_exposure_and_color_multiply() {
     let dome = dome.expect("a dome");
     assert_eq!(
         (dome.emitter, dome.radiance, dome.camera_visible),
-        (Emitter::Dome { texture: None }, [12.0, 6.0, 3.0], false)
+        (LightEmitter::Dome { texture: None }, [12.0, 6.0, 3.0], false)
     );
 }
 

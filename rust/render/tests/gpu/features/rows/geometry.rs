@@ -6,12 +6,12 @@ use super::{Also, BARE, Row};
 use crate::materials::{coordinates, with};
 use crate::scenes::{constant, deforming};
 use oocpt_core::TypedArray;
-use oocpt_core::scene::{Interpolation, MeshDesc, Shape, Subdivision};
+use oocpt_core::scene::{Interpolation, MeshDesc, PrimShape, Subdivision};
 
 pub(crate) const ROWS: &[Row] = &[
     Row {
         what: "points",
-        build: |db| db.upsert_mesh(MeshDesc { shape: Shape::Points, ..bare("/board") }),
+        build: |db| db.upsert_mesh(MeshDesc { shape: PrimShape::Points, ..bare("/board") }),
         features: &["POINTS"],
         ..BARE
     },
@@ -19,7 +19,7 @@ pub(crate) const ROWS: &[Row] = &[
         what: "toy boxes",
         build: |db| {
             let corners = TypedArray::of(vec![[-1.0_f32; 3], [1.0; 3]]);
-            db.upsert_mesh(MeshDesc { shape: Shape::ToyBoxes, points: corners, ..bare("/board") });
+            db.upsert_mesh(MeshDesc { shape: PrimShape::ToyBoxes, points: corners, ..bare("/board") });
         },
         features: &["TOY_BOX"],
         ..BARE

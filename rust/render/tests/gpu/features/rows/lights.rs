@@ -7,7 +7,7 @@ use crate::lights::{TestFiles, light};
 use crate::scenes::{dome, sun};
 use glam::{DMat4, DVec3};
 use oocpt_core::DomeFormat;
-use oocpt_core::scene::{LightDesc, LightKind, MeshDesc, ShadowReach, Shaping, TransformSample};
+use oocpt_core::scene::{LightDesc, LightKind, MeshDesc, ShadowReach, ShapingCone, TransformSample};
 
 pub(crate) const ROWS: &[Row] = &[
     Row {
@@ -71,7 +71,13 @@ pub(crate) const ROWS: &[Row] = &[
     Row {
         what: "a shaped lamp",
         build: |db| {
-            lit(db, LightDesc { shaping: Some(Shaping { cone_angle_degrees: 40.0, ..Shaping::default() }), ..ball() })
+            lit(
+                db,
+                LightDesc {
+                    shaping: Some(ShapingCone { cone_angle_degrees: 40.0, ..ShapingCone::default() }),
+                    ..ball()
+                },
+            )
         },
         features: &["LOCAL_LIGHTS", "SHAPING"],
         buffers: &[OF_LIGHTS, &["light shapings"]],
@@ -83,7 +89,7 @@ pub(crate) const ROWS: &[Row] = &[
             lit(
                 db,
                 LightDesc {
-                    shaping: Some(Shaping { ies: Some(TestFiles::asset("cosine.ies")), ..Shaping::default() }),
+                    shaping: Some(ShapingCone { ies: Some(TestFiles::asset("cosine.ies")), ..ShapingCone::default() }),
                     ..ball()
                 },
             )
