@@ -72,8 +72,9 @@ def settings(request):
 def view(host, settings):
     stage = small.build(scene, "what a live host looks at")
     with host.open(stage, SIZE, settings=settings, aovs=AOVS) as view:
-        # The first picture is there.
-        view.edit("view.prepare(); view.step()\nwhile aov_reader.read(engine, 'sampleCount').min() < 1: view.step()")
+        # The first picture is there, and on the screen.
+        view.edit("view.prepare(); view.step()\nwhile aov_reader.read(engine, 'sampleCount').min() < 1: view.step()\n"
+                  "aov_reader.read(engine, 'color')")
         yield view
 
 
