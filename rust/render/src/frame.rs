@@ -22,7 +22,7 @@ use crate::shared::FrameGate;
 use crate::streaming::{self, StreamBuffers};
 use crate::sync::lock;
 use crate::upload::UploadDecision;
-use crate::view::View;
+use crate::view::CameraView;
 use crate::wavefront::{BackgroundCompile, PathBuffers};
 use oocpt_abi::{Features, FrameConstants};
 use oocpt_core::inventory::RenderInventory;
@@ -159,7 +159,7 @@ impl Renderer {
         gate: &FrameGate<'_>,
         progress: &mut FrameProgress<'_>,
     ) -> Result<(), RenderError> {
-        let view = View::of(job, gate.shared())?;
+        let view = CameraView::of(job, gate.shared())?;
         let carry = &job.options.forced_features;
         let lights = self.sync_lights(device, job, progress)?;
         for warning in &lights.warnings {
@@ -390,7 +390,7 @@ impl Renderer {
         let mut kept = std::mem::take(&mut self.first_pictures);
         if let Some(picture) = (!context.is_frugal).then(|| kept.begin(context.device, context.job)).flatten() {
             let began = Instant::now();
-            let view = View::of(&picture.job, &kept.apart)?;
+            let view = CameraView::of(&picture.job, &kept.apart)?;
             let inner = FrameContext {
                 job: &picture.job,
                 rays: &view.rays,

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The lights of a frame, kept for the next one of the same scene: where only the camera moved, nothing of them is read,
-//! built or sent again. Render thread only.
+//! The lights of a frame, kept for the next one of the same scene: where only the camera moved, nothing of them is
+//! read, built or sent again. Render thread only.
 
 use super::LightTable;
 use crate::forced_features::ForcedFeatures;
