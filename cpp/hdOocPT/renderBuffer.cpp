@@ -82,8 +82,8 @@ bool HdOocPTRenderBuffer::Allocate(GfVec3i const& dimensions, HdFormat format, b
             return false;
         }
         // Until there is a picture of the new size the host shows the one that was there.
-        bool const isStretched = _StretchTo(
-            static_cast<size_t>(dimensions[0]), static_cast<size_t>(dimensions[1]), format);
+        bool const isStretched
+            = _StretchTo(static_cast<size_t>(dimensions[0]), static_cast<size_t>(dimensions[1]), format);
         if (!isStretched) {
             _Deallocate();
         }

@@ -32,8 +32,7 @@ public:
     ~HdOocPTRenderBuffer() override;
 
     /// Says which output this buffer shows; null is an output that OocPT does not make: the buffer keeps the clear
-    /// value. The buffer is cleared when the output changes, or when there is no image to show since the last
-    /// allocation.
+    /// value. The buffer is cleared when the output changes, or when there is no image to show.
     void Bind(HdOocPTAov const* aov, VtValue const& clearValue);
 
     /// Refuses, with an error and an empty buffer, sizes that are negative, deep, or beyond the limits of one image. An

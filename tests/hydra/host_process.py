@@ -135,8 +135,8 @@ class Commands:
         until a picture of what it made is there, or, with a `period`, for so many seconds. Reads every picture that is
         shown.
 
-        For each step: of how many other jobs pictures were shown (`changed`), the largest share of black pixels in any (`black`), the
-        least `sampleCount`, which is 0 where nothing is known of a pixel; and meshes built so far.
+        For each step: of how many other jobs pictures were shown (`changed`), the largest share of black pixels in any
+        (`black`), the least `sampleCount`, which is 0 where nothing is known of a pixel; and meshes built so far.
         """
         view = self._viewers[viewer]
         shown, rows = view.stats()["oocpt:shownJob"], []
@@ -151,7 +151,8 @@ class Commands:
                 view.step()
                 pixels = aov_reader.read(view.engine, "color")
                 row["black"] = max(row["black"], float((pixels[..., :3].max(axis=-1) <= 0).mean()))
-                row["sampleCount"] = min(row["sampleCount"], float(aov_reader.read(view.engine, "sampleCount").min()))
+                counts = aov_reader.read(view.engine, "sampleCount")
+                row["sampleCount"] = min(row["sampleCount"], float(counts.min()))
                 before, shown = shown, view.stats()["oocpt:shownJob"]
                 row["changed"] += int(shown != before)
                 time.sleep(0.004)

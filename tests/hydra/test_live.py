@@ -27,7 +27,8 @@ def scene(stage):
         ball = UsdGeom.Sphere.Define(stage, f"/World/Ball{number}")
         ball.AddTranslateOp().Set((2.5 * number - 2.5, 0.3, -3.0))
         ball.CreateDisplayColorAttr([(0.6, 0.5, 0.4)])
-    points = [(2.0 * x - 32, (0.4 if (x + z) % 3 == 0 else 0.0) - 2, 2.0 * z - 32) for z in range(SIDE) for x in range(SIDE)]
+    places = [(x, z) for z in range(SIDE) for x in range(SIDE)]
+    points = [(2.0 * x - 32, (0.4 if (x + z) % 3 == 0 else 0.0) - 2, 2.0 * z - 32) for x, z in places]
     faces = [
         corner
         for z in range(SIDE - 1)
@@ -72,8 +73,9 @@ def settings(request):
 def view(host, settings):
     stage = small.build(scene, "what a live host looks at")
     with host.open(stage, SIZE, settings=settings, aovs=AOVS) as view:
-        # The first picture is there.
-        view.edit("view.prepare(); view.step()\nwhile aov_reader.read(engine, 'sampleCount').min() < 1: view.step()")
+        # The first picture is there, and on the screen.
+        view.edit("view.prepare(); view.step()\nwhile aov_reader.read(engine, 'sampleCount').min() < 1: view.step()\n"
+                  "aov_reader.read(engine, 'color')")
         yield view
 
 

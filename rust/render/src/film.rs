@@ -5,7 +5,7 @@ use crate::adaptive::AdaptiveBuffers;
 use crate::aov::{AovKind, AovRequest};
 use crate::error::RenderError;
 use crate::job::RenderJob;
-use crate::publish::{Extent, PublishedImages};
+use crate::publish::{PictureExtent, PublishedImages};
 use crate::request::RenderRequest;
 use crate::sync::lock;
 use crate::wave::{ERROR_SLOTS, Wave, WavePiece, pieces};
@@ -241,7 +241,7 @@ impl Film {
         &self,
         published: &Mutex<PublishedImages>,
         generation: u64,
-        extent: Extent,
+        extent: PictureExtent,
     ) -> Result<WavefrontCounters, GpuError> {
         let mut counters = WavefrontCounters::default();
         self.readback.map(|bytes| {

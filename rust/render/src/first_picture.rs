@@ -10,7 +10,7 @@ use crate::device::Device;
 use crate::film::Film;
 use crate::frame_context::is_cpu;
 use crate::job::RenderJob;
-use crate::publish::{Extent, PublishedImages};
+use crate::publish::{PictureExtent, PublishedImages};
 use crate::request::RenderRequest;
 use crate::shared::SharedState;
 use crate::sync::lock;
@@ -34,12 +34,12 @@ pub(crate) const PATIENCE: Duration = Duration::from_secs(1);
 
 /// How fast paths were traced last.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct Pace {
+pub(crate) struct TracingPace {
     /// Paths a second.
     rate: Option<f64>,
 }
 
-impl Pace {
+impl TracingPace {
     /// Paths a second, if any have been traced.
     pub(crate) fn rate(self) -> Option<f64> {
         self.rate
@@ -87,7 +87,7 @@ pub(crate) struct FirstPicture {
 /// What is kept from one to the next.
 #[derive(Debug, Default)]
 pub(crate) struct FirstPictures {
-    pub(crate) pace: Pace,
+    pub(crate) pace: TracingPace,
     film: Option<Film>,
     /// Where its stats, messages and images go.
     pub(crate) apart: SharedState,
@@ -177,7 +177,7 @@ fn fill_up(from: &PublishedImages, into: &mut PublishedImages, (job, size): (&Re
     kinds.dedup();
     let pixels = u64::from(size[0]) * u64::from(size[1]);
     if !kinds.iter().all(|kind| from.image(*kind).is_some())
-        || !into.begin(job.generation, &kinds, pixels, Extent::WHOLE)
+        || !into.begin(job.generation, &kinds, pixels, PictureExtent::WHOLE)
     {
         return;
     }
@@ -216,7 +216,8 @@ mod tests {
 
     #[test]
     fn the_first_picture_is_as_fine_as_the_pace_allows() {
-        let of = |rate: Option<f64>, pixels: u64| [true, false].map(|is_cpu| Pace { rate }.factor(pixels, is_cpu));
+        let of =
+            |rate: Option<f64>, pixels: u64| [true, false].map(|is_cpu| TracingPace { rate }.factor(pixels, is_cpu));
         assert_eq!(of(None, 64 * 64), [1, 1], "a small picture needs none");
         assert_eq!(of(None, 1280 * 720), [8, 2], "nothing is known");
         assert_eq!(of(Some(1e6), 1280 * 720), [4, 8], "a million paths a second");
@@ -226,7 +227,7 @@ mod tests {
 
     #[test]
     fn a_short_first_picture_says_how_fast_the_device_is_at_least() {
-        let mut pace = Pace::default();
+        let mut pace = TracingPace::default();
         pace.learn_at_least(1000, 0.01, 0.02);
         assert_eq!(pace.rate(), Some(1e5), "all that is known");
         pace.learn(1 << 20, 1.0);

@@ -11,7 +11,6 @@ use crate::error::RenderError;
 use crate::feedback::FeedbackBuffers;
 use crate::film::Film;
 use crate::first_picture::{self, FirstPictures};
-use crate::forced_features::ForcedFeatures;
 use crate::frame_context::{FrameContext, geometry_cap, in_flight, is_cpu, maps_host, paths, shrinking};
 use crate::host_memory::{self, HostMemoryUser};
 use crate::in_core::{path_needs, roomy_waves, share_of_waves};
@@ -24,7 +23,7 @@ use crate::shared::FrameGate;
 use crate::streaming::{self, StreamBuffers};
 use crate::sync::lock;
 use crate::upload::UploadDecision;
-use crate::view::View;
+use crate::view::CameraView;
 use crate::wavefront::{BackgroundCompile, PathBuffers};
 use oocpt_abi::{Features, FrameConstants};
 use oocpt_core::inventory::RenderInventory;
@@ -161,11 +160,11 @@ impl Renderer {
         gate: &FrameGate<'_>,
         progress: &mut FrameProgress<'_>,
     ) -> Result<(), RenderError> {
-        let view = View::of(job, gate.shared())?;
+        let view = CameraView::of(job, gate.shared())?;
         let carry = &job.options.forced_features;
-        let lights = self.sync_lights(device, job, carry, progress)?;
-        for warning in lights.warnings.iter().cloned() {
-            gate.shared().report(Severity::Warning, warning);
+        let lights = self.sync_lights(device, job, progress)?;
+        for warning in &lights.warnings {
+            gate.shared().report(Severity::Warning, warning.clone());
         }
         self.make_images(device, job)?;
         let Some(film) = self.film.take() else {
@@ -200,7 +199,6 @@ impl Renderer {
         &mut self,
         device: &Device,
         job: &RenderJob,
-        carry: &ForcedFeatures,
         progress: &mut FrameProgress<'_>,
     ) -> Result<KeptLights, RenderError> {
         let source = LightSource::of(job);
@@ -217,6 +215,7 @@ impl Renderer {
             warnings.extend(meshes.warning.clone());
         }
         warnings.extend(self.mesh_lights.warning());
+        let carry = &job.options.forced_features;
         let carried = if carry.is_empty() { Features::empty() } else { table.carry() };
         self.light_tables.sync(device, &table)?;
         progress.timings.light_tables += 1;
@@ -392,7 +391,7 @@ impl Renderer {
         let mut kept = std::mem::take(&mut self.first_pictures);
         if let Some(picture) = (!context.is_frugal).then(|| kept.begin(context.device, context.job)).flatten() {
             let began = Instant::now();
-            let view = View::of(&picture.job, &kept.apart)?;
+            let view = CameraView::of(&picture.job, &kept.apart)?;
             let inner = FrameContext {
                 job: &picture.job,
                 rays: &view.rays,

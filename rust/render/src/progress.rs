@@ -14,7 +14,7 @@ use crate::job::RenderJob;
 use crate::measure::{self, MeasuredError};
 use crate::patience::LoadWait;
 use crate::progress_bar::ProgressBar;
-use crate::publish::Extent;
+use crate::publish::PictureExtent;
 use crate::request::Severity;
 use crate::shared::SharedState;
 use crate::sync::lock;
@@ -203,7 +203,7 @@ impl<'a> FrameProgress<'a> {
 
     /// Whether the wave about to be submitted, with which the film has `extent`, should end with an image: when it is
     /// whole for the first time, and from time to time.
-    pub(crate) fn publish_due(&mut self, extent: Extent) -> bool {
+    pub(crate) fn publish_due(&mut self, extent: PictureExtent) -> bool {
         let now = Instant::now();
         let is_whole = extent.covers(self.pixels);
         let is_first = is_whole && !self.is_whole;
@@ -219,22 +219,22 @@ impl<'a> FrameProgress<'a> {
     }
 
     /// What of `extent` can be shown: a part of the picture only over a whole one of this job.
-    fn shown_extent(&self, extent: Extent) -> Option<Extent> {
+    fn shown_extent(&self, extent: PictureExtent) -> Option<PictureExtent> {
         if extent.covers(self.pixels) {
-            return Some(Extent::WHOLE);
+            return Some(PictureExtent::WHOLE);
         }
         // Adaptive samples are not in the order of the pixels.
         let samples = if self.decided.is_some() { 0 } else { extent.samples };
-        let part = Extent { samples, ..extent }.whole_strips(self.size[0]);
+        let part = PictureExtent { samples, ..extent }.whole_strips(self.size[0]);
         lock(&self.shared.published).shows(self.generation).then_some(part)
     }
 
     /// What of the picture is shown at the end of a render, given up or not: as much as there is, but over the first
     /// picture of the job what has a sample.
-    fn last_extent(&self) -> Extent {
-        let extent = Extent { planes: u64::MAX, samples: self.done };
+    fn last_extent(&self) -> PictureExtent {
+        let extent = PictureExtent { planes: u64::MAX, samples: self.done };
         let part = if self.interactive { self.shown_extent(extent) } else { None };
-        part.unwrap_or(Extent::WHOLE)
+        part.unwrap_or(PictureExtent::WHOLE)
     }
 
     /// Counts a finished wave.
@@ -277,7 +277,7 @@ impl<'a> FrameProgress<'a> {
 
     /// Publishes the images that the last finished submission copied out, of which there is `extent`.
     #[expect(clippy::cast_precision_loss, reason = "rates are shown, not computed with")]
-    pub(crate) fn publish(&mut self, film: &Film, extent: Extent) -> Result<(), RenderError> {
+    pub(crate) fn publish(&mut self, film: &Film, extent: PictureExtent) -> Result<(), RenderError> {
         let began = Instant::now();
         let extent = self.shown_extent(extent).unwrap_or(extent);
         let WavefrontCounters { closest_rays, shadow_rays, nonfinite, nonfinite_pixel, stack_overflows, .. } =

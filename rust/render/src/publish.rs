@@ -11,14 +11,14 @@ const STRIP_ROWS: u64 = 8;
 
 /// How much of a picture is there: so many of its pixels, in the order in which they are traced.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Extent {
+pub(crate) struct PictureExtent {
     /// Of images traced through pixel centres.
     pub(crate) planes: u64,
     /// Of images made of samples.
     pub(crate) samples: u64,
 }
 
-impl Extent {
+impl PictureExtent {
     /// All of it.
     pub(crate) const WHOLE: Self = Self { planes: u64::MAX, samples: u64::MAX };
 
@@ -59,7 +59,7 @@ struct PublishedImage {
 impl PublishedImages {
     /// Begins to replace the images by those of `generation`, of which `extent` is there: `kinds`, each of `pixels`.
     /// False, and nothing changes, if that would show no whole picture, or an older one.
-    pub(crate) fn begin(&mut self, generation: u64, kinds: &[AovKind], pixels: u64, extent: Extent) -> bool {
+    pub(crate) fn begin(&mut self, generation: u64, kinds: &[AovKind], pixels: u64, extent: PictureExtent) -> bool {
         let is_newer = generation > self.generation && extent.covers(pixels);
         if generation != self.generation && !is_newer {
             return false;
@@ -85,7 +85,7 @@ impl PublishedImages {
 
     /// Replaces what `extent` says of the image of `kind`, in the memory that it had: fresh pages would take longer
     /// than the copy.
-    pub(crate) fn put(&mut self, kind: AovKind, pixels: &[u8], extent: Extent) {
+    pub(crate) fn put(&mut self, kind: AovKind, pixels: &[u8], extent: PictureExtent) {
         let bytes = usize::try_from(extent.of(kind)).unwrap_or(usize::MAX).saturating_mul(kind.pixel_bytes());
         let bytes = bytes.min(pixels.len());
         self.change(kind, pixels.len(), |image| image[..bytes].copy_from_slice(&pixels[..bytes]));
@@ -135,7 +135,7 @@ mod tests {
     use super::*;
 
     /// Images of so many pixels, each byte `value`.
-    fn put(published: &mut PublishedImages, generation: u64, pixels: usize, value: u8, extent: Extent) -> bool {
+    fn put(published: &mut PublishedImages, generation: u64, pixels: usize, value: u8, extent: PictureExtent) -> bool {
         let kinds = [AovKind::Depth, AovKind::SampleCount];
         let shown = published.begin(generation, &kinds, pixels as u64, extent);
         if shown {
@@ -147,52 +147,52 @@ mod tests {
     #[test]
     fn only_images_of_the_right_size_are_copied() {
         let mut published = PublishedImages::default();
-        assert!(put(&mut published, 1, 2, 1, Extent::WHOLE), "the first one");
+        assert!(put(&mut published, 1, 2, 1, PictureExtent::WHOLE), "the first one");
         let mut out = [0_u8; 8];
         assert_ne!(published.copy(AovKind::Depth, 0, &mut out), 0, "the image is there");
         assert_eq!(out, [1; 8], "the pixels must arrive");
         assert_eq!(published.copy(AovKind::Depth, 0, &mut [0; 4]), 0, "another size must be refused");
-        assert!(put(&mut published, 2, 3, 1, Extent::WHOLE), "another resolution");
+        assert!(put(&mut published, 2, 3, 1, PictureExtent::WHOLE), "another resolution");
         assert_eq!(published.copy(AovKind::Depth, 0, &mut out), 0, "an image of another resolution must be forgotten");
     }
 
     #[test]
     fn an_image_that_is_known_is_not_copied_again_and_a_new_one_is() {
         let mut published = PublishedImages::default();
-        put(&mut published, 1, 2, 1, Extent::WHOLE);
+        put(&mut published, 1, 2, 1, PictureExtent::WHOLE);
         let mut out = [0_u8; 8];
         let known = published.copy(AovKind::Depth, 0, &mut out);
         out = [9; 8];
         assert_eq!(published.copy(AovKind::Depth, known, &mut out), known, "it is still there");
         assert_eq!(out, [9; 8], "and was not copied");
-        put(&mut published, 1, 2, 3, Extent::WHOLE);
+        put(&mut published, 1, 2, 3, PictureExtent::WHOLE);
         assert_ne!(published.copy(AovKind::Depth, known, &mut out), known, "another one");
         assert_eq!(out, [3; 8], "is copied");
     }
 
     #[test]
     fn parts_of_a_picture_are_whole_strips() {
-        let extent = Extent { planes: 8 * 10 * 3 + 79, samples: 79 };
-        assert_eq!(extent.whole_strips(10), Extent { planes: 240, samples: 0 });
-        assert_eq!(Extent::WHOLE.whole_strips(10), Extent::WHOLE, "all of it");
+        let extent = PictureExtent { planes: 8 * 10 * 3 + 79, samples: 79 };
+        assert_eq!(extent.whole_strips(10), PictureExtent { planes: 240, samples: 0 });
+        assert_eq!(PictureExtent::WHOLE.whole_strips(10), PictureExtent::WHOLE, "all of it");
     }
 
     #[test]
     fn a_picture_that_is_not_whole_is_shown_over_a_whole_one_of_its_generation_alone() {
         let mut published = PublishedImages::default();
-        let part = Extent { planes: 2, samples: 1 };
+        let part = PictureExtent { planes: 2, samples: 1 };
         let images = |published: &PublishedImages| {
             [AovKind::Depth, AovKind::SampleCount].map(|kind| published.image(kind).map(<[u8]>::to_vec))
         };
         assert!(!put(&mut published, 1, 2, 1, part), "nothing to show it over");
         assert_eq!(images(&published), [None, None], "so nothing is there");
-        assert!(put(&mut published, 1, 2, 1, Extent::WHOLE), "a whole one");
+        assert!(put(&mut published, 1, 2, 1, PictureExtent::WHOLE), "a whole one");
         assert!(!put(&mut published, 2, 2, 2, part), "a part of the next one");
         assert_eq!(images(&published), [Some(vec![1; 8]), Some(vec![1; 8])], "leaves the one before");
-        assert!(put(&mut published, 2, 2, 2, Extent::WHOLE), "a whole one of the next");
+        assert!(put(&mut published, 2, 2, 2, PictureExtent::WHOLE), "a whole one of the next");
         assert!(put(&mut published, 2, 2, 3, part), "a part over it");
         assert_eq!(images(&published), [Some(vec![3; 8]), Some([[3; 4], [2; 4]].concat())], "as far as it is there");
-        assert!(!put(&mut published, 1, 2, 4, Extent::WHOLE), "an older one");
+        assert!(!put(&mut published, 1, 2, 4, PictureExtent::WHOLE), "an older one");
         assert!(published.shows(2) && !published.shows(1), "is not shown");
     }
 }

@@ -11,14 +11,14 @@ use oocpt_core::camera::CameraRays;
 
 /// The view of a job, as rays.
 #[derive(Debug)]
-pub(crate) struct View {
+pub(crate) struct CameraView {
     pub(crate) rays: CameraRays,
     /// How the camera moves, if it does.
     pub(crate) motion: Option<CameraMotion>,
     pub(crate) clip_planes: Vec<ClipPlane>,
 }
 
-impl View {
+impl CameraView {
     /// The rays of `job`; `shared` hears of a motion that cannot be used.
     pub(crate) fn of(job: &RenderJob, shared: &SharedState) -> Result<Self, RenderError> {
         let origin = job.snapshot.origin;

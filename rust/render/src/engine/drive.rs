@@ -8,7 +8,7 @@ use super::{WavefrontTracer, finish};
 use crate::error::RenderError;
 use crate::frame_context::FrameContext;
 use crate::progress::FrameProgress;
-use crate::publish::Extent;
+use crate::publish::PictureExtent;
 use crate::shared::FrameGate;
 use crate::wavefront::PathKind;
 use oocpt_abi::WavefrontCounters;
@@ -41,7 +41,7 @@ pub(crate) struct StreamingEnd {
 pub(crate) struct SubmittedWork<T> {
     pub(crate) submission: Submission,
     /// It ends with an image to be published, of which so much is there.
-    pub(crate) publishes: Option<Extent>,
+    pub(crate) publishes: Option<PictureExtent>,
     /// Octaves of samples that it completes.
     pub(crate) octaves: Vec<u32>,
     /// What the path source remembers of it.

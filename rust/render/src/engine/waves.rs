@@ -9,7 +9,7 @@ use super::{FrameTiles, InFlightSubmission, PathSource, SubmittedWork, Wavefront
 use crate::error::RenderError;
 use crate::feedback::{FeedbackBuffers, FeedbackCopy};
 use crate::progress::FrameProgress;
-use crate::publish::Extent;
+use crate::publish::PictureExtent;
 use crate::schedule::{WaveSchedule, first_wave};
 use crate::shared::FrameGate;
 use crate::wave::Wave;
@@ -106,11 +106,11 @@ impl<'e> WaveSource<'e> {
     }
 
     /// What there is of the picture with the end of a wave.
-    fn extent(&self, wave: Wave) -> Extent {
+    fn extent(&self, wave: Wave) -> PictureExtent {
         let end = wave.first + u64::from(wave.count);
         match self.kind {
-            PathKind::Aovs => Extent { planes: end, samples: 0 },
-            PathKind::Samples => Extent { planes: u64::MAX, samples: end },
+            PathKind::Aovs => PictureExtent { planes: end, samples: 0 },
+            PathKind::Samples => PictureExtent { planes: u64::MAX, samples: end },
         }
     }
 

@@ -3,6 +3,7 @@
 //! read, built or sent again. Render thread only.
 
 use super::LightTable;
+use crate::forced_features::ForcedFeatures;
 use crate::job::RenderJob;
 use crate::light_files::LightFiles;
 use oocpt_abi::Features;
@@ -16,6 +17,7 @@ pub(crate) struct LightSource {
     files: Arc<dyn LightFiles>,
     has_scene_lights: bool,
     is_dome_visible: bool,
+    carry: ForcedFeatures,
 }
 
 impl LightSource {
@@ -25,6 +27,7 @@ impl LightSource {
             files: Arc::clone(&job.files),
             has_scene_lights: job.settings.enable_scene_lights,
             is_dome_visible: job.settings.dome_light_camera_visible,
+            carry: job.options.forced_features,
         }
     }
 

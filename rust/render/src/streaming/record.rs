@@ -5,7 +5,7 @@ use super::StreamingContext;
 use super::buffers::verdict_table;
 use super::segments::LiveSegment;
 use crate::error::RenderError;
-use crate::publish::Extent;
+use crate::publish::PictureExtent;
 use crate::wavefront::{PathKind, TracedRays};
 use oocpt_abi::{PREPARE_DEMAND, PushConstants, SCAN_BLOCKS, SCAN_SUMS};
 use oocpt_gpu::{CommandList, Submission};
@@ -29,7 +29,7 @@ pub(super) struct StepPlan {
     /// True if the contributions of waiting rays are measured (roulette on loads).
     pub(super) weighs: bool,
     /// An image is copied out at the end, of which so much is there.
-    pub(super) publishes: Option<Extent>,
+    pub(super) publishes: Option<PictureExtent>,
 }
 
 impl StreamingContext<'_, '_> {

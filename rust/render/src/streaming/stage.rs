@@ -20,7 +20,7 @@ use crate::error::RenderError;
 use crate::frame_context::is_cpu;
 use crate::patience::LoadWait;
 use crate::progress::FrameProgress;
-use crate::publish::Extent;
+use crate::publish::PictureExtent;
 use crate::shared::FrameGate;
 use crate::wavefront::PathKind;
 use oocpt_abi::WavefrontCounters;
@@ -303,7 +303,7 @@ impl PathSource for StreamingStage<'_, '_> {
         }
         if self.kind == PathKind::Samples {
             let finished: u64 = plan.finished.iter().map(|segment| u64::from(segment.wave.count)).sum();
-            let extent = Extent { planes: u64::MAX, samples: progress.paths_done() + finished };
+            let extent = PictureExtent { planes: u64::MAX, samples: progress.paths_done() + finished };
             plan.publishes = (progress.publish_due(extent) || compares).then_some(extent);
         }
         let mut room = self.room_for_rays();

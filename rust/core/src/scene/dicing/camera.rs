@@ -10,14 +10,14 @@ const OUT_OF_PICTURE: f64 = 4.0;
 
 /// Pixels of a unit of length.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Density {
+pub(super) struct DicingDensity {
     /// What is needed.
     pub(super) needed: f64,
     /// What were needed if all were in the picture.
     pub(super) in_picture: f64,
 }
 
-impl Density {
+impl DicingDensity {
     pub(super) fn max(self, other: Self) -> Self {
         Self { needed: self.needed.max(other.needed), in_picture: self.in_picture.max(other.in_picture) }
     }
@@ -88,10 +88,10 @@ impl DicingCamera {
     }
 
     /// Pixels of a unit of length in a ball that is at least `distance` away.
-    pub(super) fn density_in(&self, center: DVec3, radius: f64, distance: f64) -> Density {
+    pub(super) fn density_in(&self, center: DVec3, radius: f64, distance: f64) -> DicingDensity {
         let in_picture = self.density + self.focal / distance;
         let needed = if self.is_in_picture(center, radius) { in_picture } else { in_picture / OUT_OF_PICTURE };
-        Density { needed, in_picture }
+        DicingDensity { needed, in_picture }
     }
 
     /// True when some of a ball may be in the picture.

@@ -9,7 +9,7 @@
 
 use glam::{DAffine3, DVec3};
 
-use super::camera::Density;
+use super::camera::DicingDensity;
 use super::{BoundingSphere, DicingCamera, stretch};
 use crate::mesh::{CameraEye, DicingRate};
 
@@ -39,21 +39,21 @@ struct NearSurface {
     /// No part that counts is nearer to the camera.
     gap: f64,
     /// Pixels of a unit of length, for the surface as a whole.
-    density: Density,
+    density: DicingDensity,
     is_in_picture: bool,
 }
 
 /// How the placements of one surface are seen, in its own frame.
 #[derive(Debug, Default)]
 pub(super) struct SurfaceDensity {
-    density: Density,
+    density: DicingDensity,
     /// Nearest first. In a live view those that are out of the picture too.
     near: Vec<NearSurface>,
 }
 
 impl SurfaceDensity {
     /// It covers so many pixels a unit, at least.
-    pub(super) fn cover(&mut self, density: Density) {
+    pub(super) fn cover(&mut self, density: DicingDensity) {
         self.density = self.density.max(density);
     }
 
@@ -87,7 +87,7 @@ impl SurfaceDensity {
     fn forget(&mut self) {
         self.near.sort_by(|a, b| b.is_in_picture.cmp(&a.is_in_picture).then(a.distance.total_cmp(&b.distance)));
         let rest = self.near.iter().skip(MOST_EYES).map(|near| near.density);
-        let rest = rest.fold(Density::default(), Density::max);
+        let rest = rest.fold(DicingDensity::default(), DicingDensity::max);
         self.near.truncate(MOST_EYES);
         self.cover(rest);
     }

@@ -17,8 +17,8 @@ use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use camera::Density;
 pub use camera::DicingCamera;
+use camera::DicingDensity;
 use found::SurfaceDensity;
 
 use super::entries::{InstancerEntry, MeshEntry};
@@ -61,7 +61,7 @@ pub(crate) fn dice(
     };
     if camera.pixels > 0.0 && !bounds.is_empty() {
         walk.visit(&GroupId::Root, &DAffine3::IDENTITY, 0);
-        let far: Vec<(GroupId, Density)> = walk.far.drain().collect();
+        let far: Vec<(GroupId, DicingDensity)> = walk.far.drain().collect();
         for (group, density) in far {
             walk.spread(&group, density, 0);
         }
@@ -170,7 +170,7 @@ struct DicingTraversal<'a> {
     boxes: FxHashMap<GroupId, Aabb>,
     found: FxHashMap<Arc<str>, SurfaceDensity>,
     /// Pixels of a unit of length in a prototype's frame, for those of its placements that are not gone into.
-    far: FxHashMap<GroupId, Density>,
+    far: FxHashMap<GroupId, DicingDensity>,
     visits: usize,
 }
 
@@ -221,7 +221,7 @@ impl<'a> DicingTraversal<'a> {
                 let room = MOST_NEAR.min(MOST_VISITS - self.visits.min(MOST_VISITS));
                 let rest = near.split_off(room.min(near.len()));
                 let ball = BoundingSphere::of(&bounds);
-                let rest = rest.iter().map(|near| self.density(&ball, &near.map)).fold(far, Density::max);
+                let rest = rest.iter().map(|near| self.density(&ball, &near.map)).fold(far, DicingDensity::max);
                 let known = self.far.entry(id.clone()).or_default();
                 *known = known.max(rest);
                 self.visits += near.len();
@@ -233,7 +233,7 @@ impl<'a> DicingTraversal<'a> {
     }
 
     /// Pixels of a unit of a prototype's frame.
-    fn density(&self, ball: &BoundingSphere, map: &DAffine3) -> Density {
+    fn density(&self, ball: &BoundingSphere, map: &DAffine3) -> DicingDensity {
         let placed = ball.placed(map);
         let distance = placed.distance(self.camera.position);
         self.camera.density_in(placed.center, placed.radius, distance).stretched(stretch(map))
@@ -246,10 +246,10 @@ impl<'a> DicingTraversal<'a> {
         prototype: &InstancerPrototype,
         bounds: &Aabb,
         before: DAffine3,
-    ) -> (Vec<NearPlacement>, Density) {
+    ) -> (Vec<NearPlacement>, DicingDensity) {
         let ball = BoundingSphere::of(bounds);
-        let nothing = || (Vec::new(), Density::default());
-        let look = |(mut near, far): (Vec<NearPlacement>, Density), map: DAffine3| {
+        let nothing = || (Vec::new(), DicingDensity::default());
+        let look = |(mut near, far): (Vec<NearPlacement>, DicingDensity), map: DAffine3| {
             let placed = ball.placed(&map);
             if placed.is_near(self.camera.position) {
                 near.push(NearPlacement { distance: placed.center.distance(self.camera.position), map });
@@ -258,7 +258,8 @@ impl<'a> DicingTraversal<'a> {
                 (near, far.max(self.density(&ball, &map)))
             }
         };
-        let join = |(mut near, far): (Vec<NearPlacement>, Density), (more, other): (Vec<NearPlacement>, Density)| {
+        let join = |(mut near, far): (Vec<NearPlacement>, DicingDensity),
+                    (more, other): (Vec<NearPlacement>, DicingDensity)| {
             near.extend(more);
             (near, far.max(other))
         };
@@ -291,7 +292,7 @@ impl<'a> DicingTraversal<'a> {
     }
 
     /// Hands the density of a prototype down to all surfaces in it.
-    fn spread(&mut self, id: &GroupId, density: Density, depth: u32) {
+    fn spread(&mut self, id: &GroupId, density: DicingDensity, depth: u32) {
         if self.far.get(id).copied().unwrap_or_default().covers(density) || depth > MAX_NESTING {
             return;
         }

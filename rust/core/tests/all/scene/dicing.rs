@@ -208,7 +208,7 @@ fn look(db: &mut SceneDb, camera: DicingCamera) -> u64 {
 fn terrain() -> MeshDesc {
     let side = 33_u8;
     let at = |k: u8| 2.0 * f32::from(k) - 32.0;
-    let height = |x: u8, z: u8| if (x + z) % 3 == 0 { 0.5 } else { 0.0 };
+    let height = |x: u8, z: u8| if (x + z).is_multiple_of(3) { 0.5 } else { 0.0 };
     let points: Vec<[f32; 3]> = (0..side).flat_map(|z| (0..side).map(move |x| [at(x), height(x, z), at(z)])).collect();
     let corner = |x: u8, z: u8| i32::from(z) * i32::from(side) + i32::from(x);
     let faces = (0..side - 1).flat_map(|z| (0..side - 1).map(move |x| (x, z)));
