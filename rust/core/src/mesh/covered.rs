@@ -96,7 +96,7 @@ fn rounded_up(x: f64) -> f32 {
 }
 
 /// A slot's cutout over a mesh.
-enum Slot<'a> {
+enum CoverSlot<'a> {
     Texture { set: &'a Attribute<[f32; 2]>, transform: [[f64; 3]; 2], image: &'a CoveredImage },
     Primvar { values: &'a AnyAttribute, threshold: f64 },
 }
@@ -104,7 +104,7 @@ enum Slot<'a> {
 /// Cutouts over a mesh whose attributes were read.
 pub(super) struct CoveredMesh<'a> {
     mesh: &'a MeshAsset,
-    slots: Vec<Option<Slot<'a>>>,
+    slots: Vec<Option<CoverSlot<'a>>>,
 }
 
 impl<'a> CoveredMesh<'a> {
@@ -123,16 +123,16 @@ impl<'a> CoveredMesh<'a> {
                 Cutout::Texture { set, transform, .. } => match values(set)? {
                     AnyAttribute::Two(set) => {
                         let transform = transform.map(|row| row.map(f64::from));
-                        Some(Slot::Texture { set, transform, image: image.as_deref()? })
+                        Some(CoverSlot::Texture { set, transform, image: image.as_deref()? })
                     }
                     _ => None,
                 },
                 Cutout::Primvar { name, threshold } => {
-                    Some(Slot::Primvar { values: values(name)?, threshold: f64::from(*threshold) })
+                    Some(CoverSlot::Primvar { values: values(name)?, threshold: f64::from(*threshold) })
                 }
             }
         };
-        let slots: Vec<Option<Slot<'a>>> = demand.covers.iter().map(slot).collect();
+        let slots: Vec<Option<CoverSlot<'a>>> = demand.covers.iter().map(slot).collect();
         slots.iter().any(Option::is_some).then_some(Self { mesh, slots })
     }
 
@@ -140,14 +140,14 @@ impl<'a> CoveredMesh<'a> {
     fn polygon(&self, triangle: usize) -> ClippedTriangle {
         let slot = self.mesh.subsets.get(triangle).copied().unwrap_or(0);
         match self.slots.get(usize::from(slot)) {
-            Some(Some(Slot::Texture { set, transform, image })) => {
+            Some(Some(CoverSlot::Texture { set, transform, image })) => {
                 let places = self.corners(set.rate, triangle).map(|at| {
                     let [s, t] = set.values.get(at).map_or([f64::NAN; 2], |st| st.map(f64::from));
                     transform.map(|[a, b, c]| [a * s, b * t, c])
                 });
                 in_image(image, places)
             }
-            Some(Some(Slot::Primvar { values, threshold })) => {
+            Some(Some(CoverSlot::Primvar { values, threshold })) => {
                 let width = values.width() as usize;
                 let value = |at: usize| values.floats().get(at * width).map_or(f64::NAN, |value| f64::from(*value));
                 above(self.corners(values.rate(), triangle).map(value), *threshold)

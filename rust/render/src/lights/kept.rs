@@ -3,7 +3,6 @@
 //! read, built or sent again. Render thread only.
 
 use super::LightTable;
-use crate::forced_features::ForcedFeatures;
 use crate::job::RenderJob;
 use crate::light_files::LightFiles;
 use oocpt_abi::Features;
@@ -17,7 +16,6 @@ pub(crate) struct LightSource {
     files: Arc<dyn LightFiles>,
     has_scene_lights: bool,
     is_dome_visible: bool,
-    carry: ForcedFeatures,
 }
 
 impl LightSource {
@@ -27,7 +25,6 @@ impl LightSource {
             files: Arc::clone(&job.files),
             has_scene_lights: job.settings.enable_scene_lights,
             is_dome_visible: job.settings.dome_light_camera_visible,
-            carry: job.options.forced_features,
         }
     }
 
