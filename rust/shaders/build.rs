@@ -153,7 +153,7 @@ fn watch_files(folder: &Path, files: &mut Vec<PathBuf>) -> Result<(), String> {
     Ok(())
 }
 
-/// The name of a pass: NAME for `shaders/wavefront/NAME.comp`, FOLDER_NAME for other folders.
+/// The name of a pass: `NAME` for `shaders/wavefront/NAME.comp`, `FOLDER_NAME` for other folders.
 fn pass_name(source: &Path) -> Result<String, String> {
     let part = |path: Option<&std::ffi::OsStr>| path.and_then(|name| name.to_str()).map(str::to_owned);
     let stem = part(source.file_stem()).ok_or_else(|| format!("{}: the name is not UTF-8", source.display()))?;
