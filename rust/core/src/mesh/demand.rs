@@ -71,7 +71,7 @@ impl BuildDemand<'_> {
 }
 
 /// True where a mesh is refined at all. Ptex is laid out for faces, not for what they are cut into: such meshes stay
-/// as they are ([`DroppedData::unrefined_meshes`] counts them).
+/// as they are ([`crate::desc::DroppedData::unrefined_meshes`] counts them).
 fn is_refined(desc: &MeshDesc, pixels: f64) -> bool {
     match (&desc.shape, desc.subdivision) {
         // Lines are as wide as a pixel.

@@ -201,7 +201,7 @@ impl SceneResidency<'_> {
     }
 }
 
-/// See [`Residency::is_settled`].
+/// True after enough rays, when little geometry is in flight.
 fn is_settled(rays: u64, bytes_in_flight: u64, budget: u64) -> bool {
     rays >= SETTLING_RAYS && bytes_in_flight <= budget / SETTLED_SHARE
 }
