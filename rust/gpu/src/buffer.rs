@@ -98,7 +98,7 @@ impl Buffer {
     }
 
     /// Lends all mapped bytes to `f`, which may split them among threads. No other host thread uses the buffer
-    /// meanwhile, and the caller ensures that no submission in flight does. Do not read from an `UploadDecision`
+    /// meanwhile, and the caller ensures that no submission in flight does. Do not read from a `BufferUsage::Upload`
     /// buffer: it may be very slow.
     ///
     /// # Errors

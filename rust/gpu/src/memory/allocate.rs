@@ -181,7 +181,7 @@ impl<'a> NewBuffer<'a> {
         }
     }
 
-    /// Binds the memory that was taken, and maps it unless the usage is `LogicalDevice`.
+    /// Binds the memory that was taken, and maps it unless the usage is `BufferUsage::Device`.
     ///
     /// # Errors
     /// A failed call; the buffer is destroyed then.

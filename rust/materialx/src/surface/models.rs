@@ -275,8 +275,10 @@ impl NetworkWalker<'_> {
         let specular_weight = e.multiply(specular, Val::number(2.0));
         let transmission_color = e.unary(Op::Sqrt, color);
         let coat = self.number_or(at, "clearcoat", 0.0);
-        let ior = self.number_or(at, "ior", 1.5);
         let transmission = self.number_or(at, "specTrans", 0.0);
+        // `ior` belongs to transmission; reflection without it is by `specular` alone.
+        let authored_ior = self.number_or(at, "ior", 1.5);
+        let ior = if transmission.is(0.0, 1) { Val::number(1.5) } else { authored_ior };
         let (roughness, alpha_ratio) = self.materialx_anisotropy(at, ["roughness", "anisotropic"], 0.5);
         OpenPbrSlab {
             base_color: color,

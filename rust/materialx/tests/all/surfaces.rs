@@ -169,6 +169,20 @@ fn every_model_is_a_surface() {
     assert_eq!(constant(source(&unlit, Input::EmissiveColor))[..3], [2.0, 1.0, 0.0]);
 }
 
+/// Disney's `ior` is of transmission; without any, reflection at normal incidence is 0.08 `specular`.
+#[test]
+fn the_index_of_disney_is_of_transmission_alone() {
+    let reflectance = |values: &[(&'static str, _)]| {
+        let translation = sound(vec![node("ND_disney_principled", values, &[])]);
+        let ior = constant(source(&translation, Input::Ior))[0];
+        ((ior - 1.0) / (ior + 1.0)).powi(2)
+    };
+    let opaque = reflectance(&[("ior", number(3.0)), ("specular", number(0.25))]);
+    assert!((opaque - 0.02).abs() < 1e-6, "{opaque}");
+    let glass = reflectance(&[("ior", number(3.0)), ("specTrans", number(1.0))]);
+    assert!((glass - 0.25).abs() < 1e-6, "{glass}");
+}
+
 /// surface(layer(dielectric over diffuse)) is plastic; mixed with a conductor, half of it is metal.
 #[test]
 fn layered_closures_reduce_to_one_slab() {

@@ -26,7 +26,7 @@ enum CandidateOutcome {
     /// Its surface does not exist for the ray, or that is not known yet.
     Absent,
     /// It is the closest hit so far.
-    EnteredChildren,
+    Closest,
     /// It is a hit that ends the walk.
     Ends,
 }
@@ -163,7 +163,7 @@ impl<const ANY_HIT: bool> RayTraversal<'_, '_, ANY_HIT> {
             (self.found.triangle, self.found.chunk_instance) = (triangle, self.chunk_instance);
             self.limit = t * CULL_PAD;
         }
-        if ANY_HIT { CandidateOutcome::Ends } else { CandidateOutcome::EnteredChildren }
+        if ANY_HIT { CandidateOutcome::Ends } else { CandidateOutcome::Closest }
     }
 
     /// Returns true if the candidate comes before the closest hit in the order of ids.
