@@ -2,8 +2,8 @@
 //! The table of features that a scene and a frame may need. The passes are compiled without the others.
 //!
 //! A row is the only declaration of a feature. Its position is its bit; the build writes `HAS_NAME` for the shaders
-//! from it, the renderer takes its words for the stats and `oocpt doctor` from it. `rust/render/src/specialise.rs`
-//! decides when a frame needs it. Pure, any thread.
+//! from it, the renderer takes its words for the stats and `oocpt doctor` from it.
+//! `rust/render/src/frame/specialise.rs` decides when a frame needs it. Pure, any thread.
 
 use bitflags::bitflags;
 

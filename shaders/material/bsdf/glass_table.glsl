@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Lookups of the loss of single scattering by rough glass; the table follows those of tables.glsl. Twin of
-// rust/render/src/bsdf_tables/glass.rs, which computes it and asserts that it is right to 1e-3.
+// rust/render/src/device/bsdf_tables/glass.rs, which computes it and asserts that it is right to 1e-3.
 //   nodes       vec4 [GLASS_IOR][GLASS_ROUGHNESS][2]: 1 / alpha, cosine of total reflection, factor and offset of the
 //               columns of the side of the lower index; those of the other's, averages of U over the hemispheres of
 //               either side

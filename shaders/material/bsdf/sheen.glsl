@@ -9,7 +9,7 @@
 // the horizon: weights are below (2 + e) / 2.
 //
 // Only with HAS_SHEEN. The table follows those of tables.glsl and glass_table.glsl (twin:
-// rust/render/src/bsdf_tables/sheen.rs):
+// rust/render/src/device/bsdf_tables/sheen.rs):
 //   E           float [SHEEN_ROUGHNESS][SHEEN_COSINE], scaled, bilinear at row and cosine^(1/2)
 //   averages    float [SHEEN_ROUGHNESS]
 //   scales      float [SHEEN_ROUGHNESS]

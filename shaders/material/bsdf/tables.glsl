@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Lookups of directional albedos of GGX. Twin of rust/render/src/bsdf_tables.rs, which computes them in f64.
+// Lookups of directional albedos of GGX. Twin of rust/render/src/device/bsdf_tables.rs, which computes them in f64.
 //
 // For a Schlick Fresnel f0 + (f90 - f0) (1 - c)^5 the single-scattering directional albedo is f0 (1 - L - B) + f90 B; L
 // is the loss with F = 1, which is in the table itself because as a difference it would lose its digits. Tables, one

@@ -69,7 +69,7 @@ fn lengths_beyond_the_end_are_errors() {
     assert!(header(LEVEL_INFO_LENGTH, 15).contains("the table of levels does not end"), "less than a level");
     // Large metadata comes last, and its place is all that is asked for.
     assert!(refused(NAME, &[(64 + 16, &all)]).contains("the metadata does not end"), "beyond 2^64");
-    assert!(header(FACES_LENGTH, 0).contains("which cannot be"), "faces without a byte");
+    assert!(header(FACES_LENGTH, 0).contains("cannot hold"), "faces without a byte");
 }
 
 #[test]
@@ -184,7 +184,7 @@ fn damage_inside_of_texels_is_found_by_their_checksum() {
 fn a_large_face_count_in_a_small_file_is_refused() {
     let most = 1_u32 << 26;
     let refused = header(FACE_COUNT, most);
-    assert!(refused.starts_with("the table of faces is to be 1342177280 bytes, compressed to "), "{refused}");
+    assert!(refused.starts_with("the table of faces claims 1342177280 bytes, which "), "{refused}");
     let cannot_be = changed(|raw| {
         // Tables of faces and constants of so many, but not of blocks.
         raw.faces = vec![0; 20 << 12];
@@ -194,7 +194,7 @@ fn a_large_face_count_in_a_small_file_is_refused() {
         raw.words.clear();
     });
     let error = cannot_be.unwrap_err().to_string();
-    assert_eq!(error, "the table of blocks is to be 16384 bytes, compressed to 8, which cannot be");
+    assert_eq!(error, "the table of blocks claims 16384 bytes, which 8 compressed bytes cannot hold");
 }
 
 /// A file that claims to have a TiB.

@@ -6,10 +6,10 @@
 
 use super::{WavefrontTracer, finish};
 use crate::error::RenderError;
-use crate::frame_context::FrameContext;
-use crate::progress::FrameProgress;
-use crate::publish::PictureExtent;
-use crate::shared::FrameGate;
+use crate::frame::context::FrameContext;
+use crate::frame::progress::FrameProgress;
+use crate::job::publish::PictureExtent;
+use crate::job::shared::FrameGate;
 use crate::wavefront::PathKind;
 use oocpt_abi::WavefrontCounters;
 use oocpt_gpu::Submission;

@@ -14,16 +14,16 @@ pub(crate) use drive::{InFlightSubmission, PathSource, StreamingEnd, SubmittedWo
 pub(crate) use tiles::FrameTiles;
 pub(crate) use waves::WaveSource;
 
-use crate::block::frame_block;
-use crate::camera_blocks;
 use crate::device::PassSpecialisation;
 use crate::error::RenderError;
-use crate::frame_context::{FrameContext, is_cpu, maps_host};
-use crate::inventory::{self, CompiledPasses};
-use crate::progress::FrameProgress;
-use crate::shared::FrameGate;
-use crate::specialise;
-use crate::timings::RenderTimings;
+use crate::frame::block::frame_block;
+use crate::frame::camera_blocks;
+use crate::frame::context::{FrameContext, is_cpu, maps_host};
+use crate::frame::inventory::{self, CompiledPasses};
+use crate::frame::progress::FrameProgress;
+use crate::frame::specialise;
+use crate::job::shared::FrameGate;
+use crate::job::timings::RenderTimings;
 use crate::wave::LAST_SLOT;
 use crate::wavefront::{NativeTraversal, PathBuffers, PathKind, TraversalBackend, WavefrontPasses, WavefrontRecorder};
 use crate::{assets::SceneView, device::WAVE_TIMEOUT};

@@ -6,8 +6,8 @@ use super::WavefrontTracer;
 use crate::assets::{DeviceScene, TilesOutcome};
 use crate::error::RenderError;
 use crate::feedback::{FeedbackBuffers, FeedbackCopy};
-use crate::progress::FrameProgress;
-use crate::shared::FrameGate;
+use crate::frame::progress::FrameProgress;
+use crate::job::shared::FrameGate;
 
 /// The textures of a frame in core.
 #[derive(Debug)]

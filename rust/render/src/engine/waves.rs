@@ -8,10 +8,10 @@
 use super::{FrameTiles, InFlightSubmission, PathSource, SubmittedWork, WavefrontTracer, finish};
 use crate::error::RenderError;
 use crate::feedback::{FeedbackBuffers, FeedbackCopy};
-use crate::progress::FrameProgress;
-use crate::publish::PictureExtent;
-use crate::schedule::{WaveSchedule, first_wave};
-use crate::shared::FrameGate;
+use crate::frame::progress::FrameProgress;
+use crate::frame::schedule::{WaveSchedule, first_wave};
+use crate::job::publish::PictureExtent;
+use crate::job::shared::FrameGate;
 use crate::wave::Wave;
 use crate::wavefront::{PathKind, TracedRays};
 use oocpt_abi::{Features, PushConstants, PushFlags};

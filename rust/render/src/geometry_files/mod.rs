@@ -10,9 +10,9 @@ mod pack;
 #[cfg(test)]
 mod tests;
 
-use crate::cache_folder::cache_folder;
-use crate::request::Severity;
-use crate::shared::SharedState;
+use crate::device::cache_folder::cache_folder;
+use crate::job::request::Severity;
+use crate::job::shared::SharedState;
 use crate::sync::lock;
 use oocpt_core::mesh::{MeshFiles, PayloadError, PayloadSource, StoredEntry};
 use oocpt_core::settings::Settings;

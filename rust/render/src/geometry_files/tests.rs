@@ -3,7 +3,7 @@
 
 use super::pack::PackFile;
 use super::{GeometryFiles, GeometrySetting};
-use crate::shared::SharedState;
+use crate::job::shared::SharedState;
 use oocpt_core::mesh::{MeshFiles, PayloadError, PayloadSource};
 use oocpt_core::settings::Settings;
 use std::fs::{self, File};

@@ -11,7 +11,7 @@
 //! - vertical cross: six faces of a cube on a grid of three columns and four rows; the middle column holds, from above,
 //!   +y, +z, -y, -z, unfolded about the x axis; beside +z are -x on the left and +x on the right.
 
-use crate::light_files::LightPicture;
+use crate::job::light_files::LightPicture;
 use oocpt_core::DomeFormat;
 use std::f64::consts::PI;
 

@@ -3,7 +3,7 @@
 
 use super::dome_layout::to_latlong;
 use super::picture::{self, EncodedPicture};
-use crate::light_files::LightFiles;
+use crate::job::light_files::LightFiles;
 use oocpt_core::scene::{AssetRef, DomeFormat, IesProfile};
 use rustc_hash::FxHashMap;
 use std::sync::Arc;

@@ -4,7 +4,7 @@
 
 use super::LightTable;
 use crate::job::RenderJob;
-use crate::light_files::LightFiles;
+use crate::job::light_files::LightFiles;
 use oocpt_abi::Features;
 use oocpt_core::scene::Snapshot;
 use std::sync::{Arc, Weak};

@@ -4,7 +4,7 @@
 //! [`LightTable`] has them all: local lights under a light tree (`local`, `tree`), lights at infinity, pictures
 //! (`picture`), measured profiles and meshes that emit light (`mesh`, `emitter`). `upload` lays them out on the device.
 //!
-//! Pure but for the reading of files, which goes through [`crate::light_files::LightFiles`]. Render thread only.
+//! Pure but for the reading of files, which goes through [`crate::job::light_files::LightFiles`]. Render thread only.
 
 mod brightness;
 mod dome_layout;

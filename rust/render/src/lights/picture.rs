@@ -6,7 +6,7 @@
 //! small share of the mean. Guide: Chen and Asau 1974, "On Generating Random Variates from an Empirical Distribution".
 
 use super::{luminance, narrow};
-use crate::light_files::LightPicture;
+use crate::job::light_files::LightPicture;
 use oocpt_abi::{GpuCdf, MAP_FLOAT, MAP_HALF};
 use std::f64::consts::PI;
 

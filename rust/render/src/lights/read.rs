@@ -2,7 +2,7 @@
 //! Pictures of lights read from images: the finest level, linear, the top row first.
 
 use super::picture::MAX_TEXELS;
-use crate::light_files::LightPicture;
+use crate::job::light_files::LightPicture;
 use crate::textures::{ImageError, SourceImage};
 use half::f16;
 

@@ -6,7 +6,7 @@ use super::files::FileCache;
 use super::picture::EncodedPicture;
 use super::tree::{self, LightBounds};
 use super::{EVEN_SHARE, MeshLights, count, local, luminance, narrow};
-use crate::light_files::LightFiles;
+use crate::job::light_files::LightFiles;
 use oocpt_abi::{
     Features, GpuInfiniteLight, GpuLightKey, GpuLightKind, GpuLightNode, GpuLightShaping, GpuLocalLight, LightFlags,
     LightTablePointers, NO_INDEX,

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The number of unfinished paths over time: the table "time against paths left" of L. Berchtold's thesis (2022). Pure.
 
-use crate::timings::LeftMoment;
+use crate::job::timings::LeftMoment;
 
 /// The next entry is due at [`STEP`] times the time of the last one plus this, seconds.
 const FIRST: f64 = 0.05;

@@ -6,7 +6,7 @@ use super::reach::MappedUnits;
 use super::residency::SceneResidency;
 use crate::assets::HostHeapFiller;
 use crate::error::RenderError;
-use crate::shared::FrameGate;
+use crate::job::shared::FrameGate;
 use oocpt_core::residency::{AssetId, RayDemand, UnitId, UnitState};
 use rustc_hash::FxHashSet;
 use std::time::{Duration, Instant};

@@ -34,16 +34,16 @@ use crate::assets::{DeviceScene, HostHeapFiller, SceneAssets, SceneView, bytes_w
 use crate::device::Device;
 use crate::engine::{self, CompiledFeatures, WavefrontTracer};
 use crate::error::RenderError;
-use crate::frame_context::{
+use crate::frame::context::{
     FrameContext, geometry_cap, has_light_paths, has_shadow_rays, is_cpu, maps_host, shrinking,
 };
+use crate::frame::in_core::{LEFT_BY_WAVES, roomy_waves};
+use crate::frame::progress::FrameProgress;
+use crate::frame::specialise;
 use crate::host_memory::{self, HostMemoryUser};
-use crate::in_core::{LEFT_BY_WAVES, roomy_waves};
 use crate::job::RenderJob;
-use crate::progress::FrameProgress;
-use crate::shared::FrameGate;
-use crate::specialise;
-use crate::timings::LeftMoment;
+use crate::job::shared::FrameGate;
+use crate::job::timings::LeftMoment;
 use crate::wavefront::BackgroundCompile;
 use clock::StageClock;
 use leave::LeaveDecision;

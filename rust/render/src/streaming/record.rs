@@ -5,7 +5,7 @@ use super::StreamingContext;
 use super::buffers::verdict_table;
 use super::segments::LiveSegment;
 use crate::error::RenderError;
-use crate::publish::PictureExtent;
+use crate::job::publish::PictureExtent;
 use crate::wavefront::{PathKind, TracedRays};
 use oocpt_abi::{PREPARE_DEMAND, PushConstants, SCAN_BLOCKS, SCAN_SUMS};
 use oocpt_gpu::{CommandList, Submission};

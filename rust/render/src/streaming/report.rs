@@ -2,9 +2,9 @@
 //! Writes the data for `oocpt report chunks`: chunks, loads, rays, and the number of unfinished paths over time.
 
 use super::StreamingContext;
-use crate::chunk_report::{ChunkReport, ReportCamera, ReportChunk, ReportInstance, ReportMoment, VERSION};
 use crate::error::RenderError;
-use crate::timings::LeftMoment;
+use crate::job::timings::LeftMoment;
+use crate::report::chunk_report::{ChunkReport, ReportCamera, ReportChunk, ReportInstance, ReportMoment, VERSION};
 use oocpt_core::residency::UnitId;
 use std::path::Path;
 

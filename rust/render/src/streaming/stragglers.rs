@@ -91,7 +91,7 @@ pub(crate) struct StragglerRoulette {
     price: StragglerPrice,
     units: usize,
     #[cfg(feature = "faults")]
-    faults: crate::faults::PlantedFaults,
+    faults: crate::job::faults::PlantedFaults,
 }
 
 impl StragglerRoulette {
@@ -102,13 +102,13 @@ impl StragglerRoulette {
             price: StragglerPrice::default(),
             units,
             #[cfg(feature = "faults")]
-            faults: crate::faults::PlantedFaults::default(),
+            faults: crate::job::faults::PlantedFaults::default(),
         }
     }
 
     /// This roulette with the faults that a test plants.
     #[cfg(feature = "faults")]
-    pub(crate) fn with_faults(self, faults: crate::faults::PlantedFaults) -> Self {
+    pub(crate) fn with_faults(self, faults: crate::job::faults::PlantedFaults) -> Self {
         Self { faults, ..self }
     }
 
@@ -303,7 +303,7 @@ mod tests {
     fn stragglers_are_at_most_one_path_in_64() {
         let stragglers = StragglerRoulette::new(1, 2);
         assert!(stragglers.are_few(1000, 64_000) && !stragglers.are_few(1001, 64_000), "one in 64");
-        let faults = crate::faults::PlantedFaults { roulette_per_mille: Some(500), ..Default::default() };
+        let faults = crate::job::faults::PlantedFaults { roulette_per_mille: Some(500), ..Default::default() };
         assert!(
             StragglerRoulette::new(1, 2).with_faults(faults).are_few(8000, 8000),
             "always, where a test sets the odds"

@@ -10,7 +10,7 @@ use super::convert::TileSink;
 use super::image::ImageError;
 use super::tx::{TxDescription, TxFile, TxWriter};
 use super::under_way;
-use crate::cache_folder::cache_folder;
+use crate::device::cache_folder::cache_folder;
 use crate::sync::lock;
 use std::fs::{self, File};
 use std::io;

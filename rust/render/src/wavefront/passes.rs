@@ -6,7 +6,7 @@ use super::TraversalBackend;
 use crate::device::{Device, PassSpecialisation};
 use crate::error::RenderError;
 use crate::film::Film;
-use crate::timings::RenderTimings;
+use crate::job::timings::RenderTimings;
 use oocpt_gpu::Pipeline;
 use oocpt_shaders::{PASSES, Pass, PassImage, PassInfo};
 use std::sync::Arc;

@@ -6,7 +6,7 @@
 //! Plain data and JSON. Positions are in world space minus `origin`, in which the chunk instances' boxes are exact in
 //! f32. A file that is not such a report is never overwritten: its name may come from a scene of strangers.
 
-use crate::error_report::begins_with_or_is_empty;
+use crate::report::error_report::begins_with_or_is_empty;
 use serde::{Deserialize, Serialize};
 use std::io::{Error, ErrorKind};
 use std::path::{Path, PathBuf};

@@ -4,7 +4,7 @@
 
 use crate::assets::motion_key;
 use crate::error::RenderError;
-use crate::frame_context::FrameContext;
+use crate::frame::context::FrameContext;
 use oocpt_abi::{FrameConstants, GpuCameraKey};
 use oocpt_core::inventory::RenderInventory;
 use oocpt_core::{CameraMotion, MotionKey};

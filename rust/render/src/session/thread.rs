@@ -5,9 +5,9 @@
 //! the host process survives.
 
 use crate::error::RenderError;
-use crate::frame::Renderer;
 use crate::job::RenderJob;
-use crate::shared::{FrameGate, SharedState};
+use crate::job::shared::{FrameGate, SharedState};
+use crate::renderer::Renderer;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 

@@ -167,13 +167,13 @@ mod tests {
         let said = [
             ReportWriter::begin(&path, true, &header(1)).expect_err("a pipe").to_string(),
             ErrorReport::read_all(&path).expect_err("a pipe").to_string(),
-            crate::chunk_report::ChunkReport::default().write(&path).expect_err("a pipe").to_string(),
-            crate::material_report::MaterialReport { version: 1, materials: Vec::new() }
+            crate::report::chunk_report::ChunkReport::default().write(&path).expect_err("a pipe").to_string(),
+            crate::report::material_report::MaterialReport { version: 1, materials: Vec::new() }
                 .write(&path)
                 .expect_err("a pipe")
                 .to_string(),
-            crate::picture::write(&path, [1, 1], &[0.0; 4], &Vec::new()).expect_err("a pipe").to_string(),
-            crate::picture::read_attributes(&path).expect_err("a pipe").to_string(),
+            crate::film::picture::write(&path, [1, 1], &[0.0; 4], &Vec::new()).expect_err("a pipe").to_string(),
+            crate::film::picture::read_attributes(&path).expect_err("a pipe").to_string(),
         ];
         std::fs::remove_file(&path).expect("it is there, as it was");
         for said in said {

@@ -5,14 +5,14 @@
 //! It is rendered as a job of its own, one sample and the same passes, with statistics and messages that nobody sees;
 //! what comes after it does not depend on it. Render thread only.
 
-use crate::aov::AovKind;
 use crate::device::Device;
 use crate::film::Film;
-use crate::frame_context::is_cpu;
+use crate::frame::context::is_cpu;
 use crate::job::RenderJob;
-use crate::publish::{PictureExtent, PublishedImages};
-use crate::request::RenderRequest;
-use crate::shared::SharedState;
+use crate::job::aov::AovKind;
+use crate::job::publish::{PictureExtent, PublishedImages};
+use crate::job::request::RenderRequest;
+use crate::job::shared::SharedState;
 use crate::sync::lock;
 use oocpt_core::camera::Camera;
 use oocpt_core::settings::Settings;

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Lists what a render is made of, for the stats, from its pipelines and buffers. Render thread only.
 
-use crate::bsdf_tables;
+use crate::device::bsdf_tables;
 use crate::device::{Device, PassSpecialisation};
-use crate::frame_context::FrameContext;
-use crate::specialise;
+use crate::frame::context::FrameContext;
+use crate::frame::specialise;
 use crate::wavefront::{TraversalBackend, WavefrontPasses};
 use oocpt_abi::Features;
 use oocpt_core::inventory::{PassUse, RenderInventory};

@@ -1,9 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The job of a render thread. Plain data.
 
-use crate::forced_features::ForcedFeatures;
-use crate::light_files::LightFiles;
-use crate::request::RenderRequest;
+pub(crate) mod aov;
+#[cfg(feature = "faults")]
+pub(crate) mod faults;
+pub(crate) mod forced_features;
+pub(crate) mod light_files;
+pub(crate) mod patience;
+pub(crate) mod publish;
+pub(crate) mod request;
+pub(crate) mod shared;
+pub(crate) mod timings;
+
+use crate::job::forced_features::ForcedFeatures;
+use crate::job::light_files::LightFiles;
+use crate::job::request::RenderRequest;
 use crate::textures::ImageLibrary;
 use oocpt_core::inventory::PrimvarUse;
 use oocpt_core::scene::Snapshot;
@@ -50,5 +61,5 @@ pub struct SessionOptions {
     pub closing_words: bool,
     /// Faults injected by tests.
     #[cfg(feature = "faults")]
-    pub faults: crate::faults::PlantedFaults,
+    pub faults: faults::PlantedFaults,
 }

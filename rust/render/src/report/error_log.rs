@@ -7,12 +7,12 @@
 //! limit is set, and no path beyond an octave begins before that octave is decided: the same scene gets the same
 //! samples. Trouble with files is one warning. Render thread only.
 
-use crate::error_report::{ErrorReportHeader, InventoryLine, ReportWriter, UsageLine, VERSION};
+use crate::film::measure::MeasuredError;
+use crate::film::reference::ReferencePicture;
 use crate::job::RenderJob;
-use crate::measure::MeasuredError;
-use crate::reference::ReferencePicture;
-use crate::request::Severity;
-use crate::shared::SharedState;
+use crate::job::request::Severity;
+use crate::job::shared::SharedState;
+use crate::report::error_report::{ErrorReportHeader, InventoryLine, ReportWriter, UsageLine, VERSION};
 use crate::sync::lock;
 use crate::wave::next_boundary;
 use oocpt_core::convergence::{ConvergenceEstimator, ErrorEstimate, of_halves};

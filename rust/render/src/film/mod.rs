@@ -1,12 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The images of a frame on the device and their way to the host.
 
-use crate::adaptive::AdaptiveBuffers;
-use crate::aov::{AovKind, AovRequest};
+pub(crate) mod adaptive;
+pub(crate) mod measure;
+pub mod picture;
+pub(crate) mod reference;
+
 use crate::error::RenderError;
+use crate::film::adaptive::AdaptiveBuffers;
 use crate::job::RenderJob;
-use crate::publish::{PictureExtent, PublishedImages};
-use crate::request::RenderRequest;
+use crate::job::aov::{AovKind, AovRequest};
+use crate::job::publish::{PictureExtent, PublishedImages};
+use crate::job::request::RenderRequest;
 use crate::sync::lock;
 use crate::wave::{ERROR_SLOTS, Wave, WavePiece, pieces};
 use oocpt_abi::{ERROR_GROUPS, ErrorSums, FilmPixel, FrameConstants, PushConstants, WORKGROUP_SIZE, WavefrontCounters};

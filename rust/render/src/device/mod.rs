@@ -5,12 +5,17 @@
 //! delegates often, and compiling the passes again for each would cost seconds. Sessions with different budgets do not
 //! share a device, so that no session's budget bounds another one.
 
-use crate::bsdf_tables;
-use crate::cache_folder::cache_folder;
-use crate::compiled::CompiledPipelines;
+pub mod bsdf_tables;
+pub(crate) mod cache_folder;
+pub(crate) mod compiled;
+pub(crate) mod loader;
+pub(crate) mod reading;
+
+use crate::device::cache_folder::cache_folder;
+use crate::device::compiled::CompiledPipelines;
+use crate::device::loader::Loader;
+use crate::device::reading::ReadingLimit;
 use crate::error::RenderError;
-use crate::loader::Loader;
-use crate::reading::ReadingLimit;
 use crate::sync::lock;
 use oocpt_abi::{Features, PushConstants, SPEC_MAX_LEVELS, SPEC_STACK_SIZE};
 use oocpt_gpu::{

@@ -3,8 +3,8 @@
 //!
 //! One thread per core up to [`MOST_THREADS`], since one thread fills only a quarter of the bus.
 
+use crate::device::reading::ReadingLimit;
 use crate::error::RenderError;
-use crate::reading::ReadingLimit;
 use crossbeam_channel::{Sender, unbounded};
 use oocpt_gpu::{Gpu, StagingRing};
 use std::sync::Arc;

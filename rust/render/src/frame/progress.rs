@@ -1,24 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Keeps the session's stats, timings and published images up to date while a frame renders.
 
-use crate::adaptive::AdaptiveBuffers;
 use crate::assets::SceneAssets;
-use crate::closing_words;
 use crate::device::Device;
 use crate::error::RenderError;
-use crate::error_log::{ErrorLog, RowMoment};
 use crate::film::Film;
-use crate::frame_context::is_cpu;
+use crate::film::adaptive::AdaptiveBuffers;
+use crate::film::measure::{self, MeasuredError};
+use crate::frame::context::is_cpu;
 use crate::host_memory;
 use crate::job::RenderJob;
-use crate::measure::{self, MeasuredError};
-use crate::patience::LoadWait;
-use crate::progress_bar::ProgressBar;
-use crate::publish::PictureExtent;
-use crate::request::Severity;
-use crate::shared::SharedState;
+use crate::job::patience::LoadWait;
+use crate::job::publish::PictureExtent;
+use crate::job::request::Severity;
+use crate::job::shared::SharedState;
+use crate::job::timings::RenderTimings;
+use crate::report::closing_words;
+use crate::report::error_log::{ErrorLog, RowMoment};
+use crate::report::progress_bar::ProgressBar;
 use crate::sync::lock;
-use crate::timings::RenderTimings;
 use crate::wave::{LAST_SLOT, Wave, next_boundary};
 use oocpt_abi::WavefrontCounters;
 use oocpt_core::adaptive::AdaptiveUsage;

@@ -4,27 +4,29 @@
 //! Render thread only. The device, the scene, the wave memory and the images are kept from frame to frame where they
 //! can be.
 
+mod first_picture;
+mod upload;
+
 use crate::assets::{DeviceScene, SceneCache, SceneView};
 use crate::device::{Device, DeviceOptions, pipeline_folder};
 use crate::engine::{self, CompiledFeatures, FrameTiles, WaveSource, WavefrontTracer};
 use crate::error::RenderError;
 use crate::feedback::FeedbackBuffers;
 use crate::film::Film;
-use crate::first_picture::{self, FirstPictures};
-use crate::frame_context::{FrameContext, geometry_cap, in_flight, is_cpu, maps_host, paths, shrinking};
+use crate::frame::context::{FrameContext, geometry_cap, in_flight, is_cpu, maps_host, paths, shrinking};
+use crate::frame::in_core::{path_needs, roomy_waves, share_of_waves};
+use crate::frame::in_flight;
+use crate::frame::progress::FrameProgress;
+use crate::frame::view::CameraView;
 use crate::host_memory::{self, HostMemoryUser};
-use crate::in_core::{path_needs, roomy_waves, share_of_waves};
-use crate::in_flight;
 use crate::job::RenderJob;
+use crate::job::request::Severity;
+use crate::job::shared::FrameGate;
 use crate::lights::{FileCache, KeptLights, LightSource, LightTable, LightTables, MeshLightCache};
-use crate::progress::FrameProgress;
-use crate::request::Severity;
-use crate::shared::FrameGate;
 use crate::streaming::{self, StreamBuffers};
 use crate::sync::lock;
-use crate::upload::UploadDecision;
-use crate::view::CameraView;
 use crate::wavefront::{BackgroundCompile, PathBuffers};
+use first_picture::FirstPictures;
 use oocpt_abi::{Features, FrameConstants};
 use oocpt_core::inventory::RenderInventory;
 use oocpt_core::scene::Snapshot;
@@ -33,6 +35,7 @@ use oocpt_gpu::{DriverCall, PlantedFailure};
 use oocpt_gpu::{Gpu, GpuError};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
+use upload::UploadDecision;
 
 /// One part in so many of a scene's bytes is lost at most between the ranges of arenas.
 const PACKING: u64 = 24;
@@ -145,7 +148,7 @@ impl Renderer {
         progress.end(&device.gpu);
         #[cfg(feature = "faults")]
         {
-            *lock(&gate.shared().witness) = crate::faults::FaultWitness::of(&device.gpu);
+            *lock(&gate.shared().witness) = crate::job::faults::FaultWitness::of(&device.gpu);
         }
         if let Err(RenderError::Gpu(GpuError::DeviceLost { .. })) = &result {
             device.forget();
@@ -486,7 +489,7 @@ impl Renderer {
         self.film.as_mut().map_or(Ok(()), |film| film.begin(job))
     }
 
-    /// Allocates wave memory as [`crate::in_flight`] says, but no more than a share of what the budget leaves
+    /// Allocates wave memory as [`crate::frame::in_flight`] says, but no more than a share of what the budget leaves
     /// ([`share_of_waves`]), and less if memory runs out. `tiles`: the bytes of all tiles, and whether they are mapped.
     fn make_waves(
         &mut self,

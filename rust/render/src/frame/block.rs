@@ -2,7 +2,7 @@
 //! Builds the frame block: camera, lights, settings and addresses, which every pass reads.
 
 use crate::assets::SceneView;
-use crate::frame_context::FrameContext;
+use crate::frame::context::FrameContext;
 use bytemuck::Zeroable;
 use oocpt_abi::{FrameConstants, FrameFlags};
 

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! One request to render, and the messages that come back.
 
-use crate::aov::AovRequest;
 use crate::error::RenderError;
+use crate::job::aov::AovRequest;
 use oocpt_core::camera::Camera;
 
 /// Longest side of an image, pixels.

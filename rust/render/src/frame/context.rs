@@ -4,9 +4,9 @@
 use crate::device::Device;
 use crate::error::RenderError;
 use crate::film::Film;
-use crate::forced_features::ForcedFeatures;
-use crate::in_flight::InFlight;
+use crate::frame::in_flight::InFlight;
 use crate::job::RenderJob;
+use crate::job::forced_features::ForcedFeatures;
 use crate::lights::{LightTable, LightTables};
 use oocpt_abi::{ClipPlane, Features};
 use oocpt_core::CameraMotion;

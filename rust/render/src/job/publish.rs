@@ -4,7 +4,7 @@
 //! A picture that is not whole yet is shown over one of its own generation that is: the first picture of a change, at a
 //! part of the resolution. Until there is one, the host keeps the picture of the generation before.
 
-use crate::aov::AovKind;
+use crate::job::aov::AovKind;
 
 /// Rows of the strips in which pixels are traced, one strip after the other (`pixel_position` of the shaders).
 const STRIP_ROWS: u64 = 8;

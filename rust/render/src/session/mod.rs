@@ -14,21 +14,23 @@
 //! [`Session::stop`] with `blocking` and [`Session::wait_converged`]. Images are published before `is_converged` turns
 //! true, so that a host which reads after seeing it gets the final image.
 
-use crate::aov::AovKind;
+pub(crate) mod early;
+mod thread;
+
+use crate::device::loader::Loader;
 use crate::error::RenderError;
+use crate::film::picture;
 use crate::geometry_files::{GeometryFiles, GeometrySetting};
 use crate::host_memory::{self, HostMemoryTaken, HostMemoryUser};
+use crate::job::aov::AovKind;
+use crate::job::light_files::{LightFiles, NoFiles};
+use crate::job::request::{Message, RenderRequest, Severity};
+use crate::job::shared::SharedState;
+use crate::job::timings::RenderTimings;
 use crate::job::{RenderJob, SessionOptions};
-use crate::light_files::{LightFiles, NoFiles};
-use crate::loader::Loader;
-use crate::material_report::MaterialReport;
-use crate::picture;
-use crate::request::{Message, RenderRequest, Severity};
-use crate::shared::SharedState;
+use crate::report::material_report::MaterialReport;
 use crate::sync::lock;
 use crate::textures::{HeightTextures, ImageLibrary};
-use crate::thread;
-use crate::timings::RenderTimings;
 use oocpt_core::inventory::PrimvarUse;
 use oocpt_core::mesh::MeshFiles;
 use oocpt_core::partition::PartitionOptions;
@@ -378,7 +380,7 @@ impl Session {
 
     /// What became of planted failures, and what the driver gave, by the end of the last render.
     #[cfg(feature = "faults")]
-    pub fn witness(&self) -> crate::faults::FaultWitness {
+    pub fn witness(&self) -> crate::job::faults::FaultWitness {
         *lock(&self.shared.witness)
     }
 

@@ -2,7 +2,7 @@
 //! The device memory that a scene in core needs beside its geometry. Pure.
 
 use crate::assets::DeviceScene;
-use crate::frame_context::{FrameContext, has_light_paths, has_shadow_rays, in_flight};
+use crate::frame::context::{FrameContext, has_light_paths, has_shadow_rays, in_flight};
 use crate::wavefront::PathNeeds;
 
 /// Waves leave one part in so many of the unused memory to others.

@@ -3,8 +3,8 @@
 
 use crate::error::RenderError;
 use crate::job::RenderJob;
-use crate::request::Severity;
-use crate::shared::SharedState;
+use crate::job::request::Severity;
+use crate::job::shared::SharedState;
 use oocpt_abi::ClipPlane;
 use oocpt_core::CameraMotion;
 use oocpt_core::camera::CameraRays;

@@ -4,7 +4,7 @@
 //!
 //! A file that is not such a report is never overwritten: its name may come from a scene of strangers.
 
-use crate::error_report::begins_with_or_is_empty;
+use crate::report::error_report::begins_with_or_is_empty;
 use oocpt_core::material::{MaterialText, describe};
 use oocpt_core::scene::SceneDb;
 use serde::{Deserialize, Serialize};

@@ -4,8 +4,8 @@
 //! Errors are in linear light and double precision; FLIP (Andersson et al. 2020) is that of the two pictures as sRGB in
 //! 8 bits, at 67 pixels per degree. The file comes from the user: its size is checked before its pixels are read.
 
-use crate::aov::AovKind;
-use crate::publish::PublishedImages;
+use crate::job::aov::AovKind;
+use crate::job::publish::PublishedImages;
 use exr::prelude::{ReadChannels as _, ReadLayers as _, Vec2, read};
 use oocpt_core::stats::TrueError;
 use std::io::BufReader;

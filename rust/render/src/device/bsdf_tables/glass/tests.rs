@@ -78,7 +78,7 @@ fn energy_losses_match_known_values() {
         assert!((lost - known).abs() < 1e-6, "{lost:?}, not {known}");
     }
     // A mirror loses as much as the table of GGX has, from either side, within the error of the two rules.
-    let known = crate::bsdf_tables::albedo(0.4, 0.5, [64, 512])[0];
+    let known = crate::device::bsdf_tables::albedo(0.4, 0.5, [64, 512])[0];
     for eta in [1e9, 1e-9] {
         let mirror = normals.loss(0.4, 0.5, eta);
         assert!((mirror - known).abs() < 1e-4, "{mirror}, not {known}");

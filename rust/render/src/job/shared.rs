@@ -4,11 +4,11 @@
 
 use crate::error::RenderError;
 use crate::job::RenderJob;
-use crate::patience::{self, LoadWait, WaitVerdict};
-use crate::publish::PublishedImages;
-use crate::request::{Message, Severity};
+use crate::job::patience::{self, LoadWait, WaitVerdict};
+use crate::job::publish::PublishedImages;
+use crate::job::request::{Message, Severity};
+use crate::job::timings::RenderTimings;
 use crate::sync::lock;
-use crate::timings::RenderTimings;
 use oocpt_core::stats::RenderStats;
 use oocpt_gpu::DeviceReport;
 use std::sync::atomic::AtomicBool;
@@ -53,7 +53,7 @@ pub(crate) struct SharedState {
     /// True if the user was told that the last render had samples that are not finite.
     pub(crate) nonfinite_told: AtomicBool,
     #[cfg(feature = "faults")]
-    pub(crate) witness: Mutex<crate::faults::FaultWitness>,
+    pub(crate) witness: Mutex<crate::job::faults::FaultWitness>,
 }
 
 impl SharedState {
