@@ -24,7 +24,6 @@ mod view;
 
 use anyhow::Result;
 use clap::{Parser, Subcommand};
-use oocpt_command::stop;
 use oocpt_scenes::{island as island_scene, woods};
 
 /// Options of `oocpt bench`; without a subcommand they are those of `bench forest`.
@@ -77,14 +76,7 @@ enum BenchCommand {
 }
 
 fn main() -> Result<()> {
-    tracing_subscriber::fmt()
-        .with_env_filter(tracing_subscriber::EnvFilter::from_env("OOCPT_LOG"))
-        .with_writer(std::io::stderr)
-        .init();
-    stop::listen()?;
-    let result = run(&Arguments::parse());
-    stop::done();
-    result
+    oocpt_command::main(|| run(&Arguments::parse()))
 }
 
 fn run(arguments: &Arguments) -> Result<()> {

@@ -15,7 +15,6 @@ mod texture;
 
 use anyhow::Result;
 use clap::{Parser, Subcommand};
-use oocpt_command::stop;
 
 #[derive(Parser)]
 #[command(name = "oocpt", version, about = "OocPT: an out-of-core path tracer for Hydra")]
@@ -41,14 +40,7 @@ enum OocptCommand {
 }
 
 fn main() -> Result<()> {
-    tracing_subscriber::fmt()
-        .with_env_filter(tracing_subscriber::EnvFilter::from_env("OOCPT_LOG"))
-        .with_writer(std::io::stderr)
-        .init();
-    stop::listen()?;
-    let result = run(Arguments::parse().command);
-    stop::done();
-    result
+    oocpt_command::main(|| run(Arguments::parse().command))
 }
 
 fn run(command: OocptCommand) -> Result<()> {

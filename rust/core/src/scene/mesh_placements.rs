@@ -80,7 +80,7 @@ pub struct MeshPlacements {
     pub leaves_out_deforming: bool,
 }
 
-/// A predicate on prim ids that is true for the prims that are asked for.
+/// Returns true for the ids of the prims whose placements the caller needs.
 type PrimFilter<'a> = &'a dyn Fn(i32) -> bool;
 
 /// The chain of transforms from the world to a frame.

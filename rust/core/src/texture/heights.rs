@@ -3,8 +3,8 @@
 //! handled here.
 //!
 //! One level of an image is read for a mesh, whole: the coarsest one whose texels are not larger than the pieces that
-//! the mesh is cut into. It is filtered bilinearly, as the shaders do. Only the channels that are asked for are
-//! decoded. Any thread.
+//! the mesh is cut into. It is filtered bilinearly, as the shaders do. Only the channels that the
+//! displacement reads are decoded. Any thread.
 
 use std::fmt::Debug;
 use std::sync::{Arc, Mutex, PoisonError};

@@ -92,6 +92,8 @@ pub(crate) struct DeviceScene {
     entries: TableEntries,
     /// True if the tables are those of a scene in core.
     is_in_core: bool,
+    /// True if the frame may read tiles that find no room on the device in host memory.
+    pub(crate) maps_tiles: bool,
 }
 
 /// The device scene of the last snapshot, with its images and lights.
@@ -146,6 +148,7 @@ impl SceneCache {
                     tables: None,
                     entries: TableEntries::default(),
                     is_in_core: false,
+                    maps_tiles: false,
                 });
             }
         }

@@ -97,15 +97,10 @@ impl DeviceScene {
         Ok(TilesOutcome::All(shown))
     }
 
-    /// Returns true if tiles that find no room on the device are read in host memory, which is so if that has a limit.
-    pub(crate) fn maps_tiles(&self, device: &Device) -> bool {
-        device.host_heap_if_made().is_some_and(|heap| heap.limit().is_some())
-    }
-
     /// Begins to load a tile into host memory, if that is allowed.
     fn maps_tile(&mut self, device: &Device, asset: AssetId) -> Result<bool, RenderError> {
         match self.assets.source(asset) {
-            Some(source) if self.maps_tiles(device) => self.store.map_now(device, (asset, source)),
+            Some(source) if self.maps_tiles => self.store.map_now(device, (asset, source)),
             _ => Ok(false),
         }
     }

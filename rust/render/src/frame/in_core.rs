@@ -7,14 +7,15 @@ use crate::wavefront::PathNeeds;
 
 /// Waves leave one part in so many of the unused memory to others.
 pub(crate) const LEFT_BY_WAVES: u64 = 8;
-/// Least bytes that waves leave to tiles of textures if tiles that find no room are read in host memory.
-const FEWEST_TILES_BESIDE_MAPPED: u64 = 8 << 20;
+/// Bytes that a scene in core needs for tiles of textures beside its geometry: the scene counts as fitting, leaves
+/// streaming and gets its waves only beside so many bytes, or beside all tiles if they take less.
+pub(crate) const ROOM_FOR_TILES: u64 = 8 << 20;
 
 /// Bytes of the `unused` ones that waves may take. `tile_bytes`: of all tiles of the scene's textures, which come
 /// later; `maps_tiles`: those that find no room on the device are read in host memory.
 pub(crate) fn share_of_waves(unused: u64, tile_bytes: u64, maps_tiles: bool) -> u64 {
     let left = unused / LEFT_BY_WAVES;
-    let tiles = if maps_tiles { left.max(FEWEST_TILES_BESIDE_MAPPED) } else { unused / 2 };
+    let tiles = if maps_tiles { left.max(ROOM_FOR_TILES) } else { unused / 2 };
     unused - left.max(tiles.min(tile_bytes)).min(unused / 2)
 }
 

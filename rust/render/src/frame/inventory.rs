@@ -15,7 +15,7 @@ use oocpt_shaders::ALL;
 pub(crate) struct CompiledPasses<'a> {
     pub(crate) passes: &'a WavefrontPasses,
     pub(crate) special: PassSpecialisation,
-    /// The features that the scene does not need, compiled in by `oocpt:carry`.
+    /// The features that the scene does not need, compiled in by [`crate::ForcedFeatures`].
     pub(crate) carried: Features,
     pub(crate) backend: TraversalBackend,
 }

@@ -25,7 +25,7 @@ impl ForcedFeatures {
         *self == Self::NONE
     }
 
-    /// Of what is asked for, what passes that need `needed` can carry; `of_lights` is what the light table allows.
+    /// Returns the forced features that passes with `needed` can have; `of_lights` are those that the light table allows.
     pub(crate) fn possible(&self, needed: Features, of_lights: Features) -> Features {
         let has_materials = needed.contains(Features::MATERIALS);
         let in_core = !needed.contains(Features::STREAMING);
@@ -38,9 +38,9 @@ impl ForcedFeatures {
         };
         let possible = FEATURES.iter().filter(may).fold(Features::empty(), |sum, feature| sum | feature.bit);
         let mut carried = self.features & possible;
-        // These two are asked for together.
+        // Opacity by instance is compiled in beside opacity.
         carried.set(Features::OPACITY, carried.intersects(Features::OPACITY | Features::INSTANCE_OPACITY));
-        // Without textures there is nothing that it could be compiled into.
+        // Ptex is a branch of the texture lookups.
         carried
             .set(Features::PTEX, carried.contains(Features::PTEX) && (carried | needed).contains(Features::TEXTURES));
         carried - needed

@@ -14,7 +14,7 @@ use crate::error::RenderError;
 use crate::feedback::FeedbackBuffers;
 use crate::film::Film;
 use crate::frame::context::{FrameContext, geometry_cap, in_flight, is_cpu, maps_host, paths, shrinking};
-use crate::frame::in_core::{path_needs, roomy_waves, share_of_waves};
+use crate::frame::in_core::{ROOM_FOR_TILES, path_needs, roomy_waves, share_of_waves};
 use crate::frame::in_flight;
 use crate::frame::progress::FrameProgress;
 use crate::frame::view::CameraView;
@@ -40,17 +40,13 @@ use upload::UploadDecision;
 /// One part in so many of a scene's bytes is lost at most between the ranges of arenas.
 const PACKING: u64 = 24;
 
-/// A scene counts as fitting only if it leaves room for so many bytes of texture tiles (or for all there are).
-const FEWEST_TILES: u64 = 8 << 20;
-
 /// Where there is no other first picture, a newer job waits so long for the first sample of each pixel.
 const FIRST_SAMPLE: Duration = Duration::from_millis(100);
 
-/// Sets the limit of host memory in which rays read tiles of textures that find no room on the device, where they may.
-/// A cap on geometry counts them: then there is none.
-fn let_tiles_be_mapped(context: &FrameContext<'_>, scene: &DeviceScene) -> Result<(), RenderError> {
+/// Sets the limit of host memory in which rays read the tiles of a scene in core that find no room on the device.
+fn limit_mapped_tiles(context: &FrameContext<'_>, scene: &DeviceScene) -> Result<(), RenderError> {
     let FrameContext { device, job, .. } = *context;
-    if scene.assets.tile_bytes > 0 && maps_host(device, &job.settings) && geometry_cap(job).is_none() {
+    if scene.maps_tiles && scene.assets.tile_bytes > 0 {
         let heap = device.host_heap()?;
         let held = heap.stats().arena_bytes + heap.stats().dedicated_bytes;
         let limit = host_memory::limit_of(HostMemoryUser::Encoded, &job.settings, held, job.fixed_host_bytes);
@@ -243,13 +239,15 @@ impl Renderer {
         if let Some(cap) = geometry_cap(job) {
             scene.keep_within(cap);
         }
+        // A cap on geometry counts tiles, wherever they are.
+        scene.maps_tiles = maps_host(device, &job.settings) && geometry_cap(job).is_none();
         let missing = scene.missing_bytes();
         let mut in_core = self.fits(context, scene, missing) && !self.comes_meanwhile(context, missing);
         if in_core {
             self.stream = None;
             scene.store.kept().limit(0);
-            scene.unmap(device, maps_host(device, &job.settings));
-            let_tiles_be_mapped(context, scene)?;
+            scene.unmap(device, scene.maps_tiles);
+            limit_mapped_tiles(context, scene)?;
             match scene.load_all(device, gate, &mut progress.timings) {
                 Ok(true) => {}
                 Ok(false) => {
@@ -336,11 +334,11 @@ impl Renderer {
         // A report of the chunks counts rays and loads, which only streaming does.
         let streams = self.is_frugal || job.options.force_streaming || !job.settings.chunk_report.is_empty();
         // Texture tiles are loaded on demand: a few of them may be enough.
-        let least = scene.assets.geometry_bytes() + scene.assets.tile_bytes.min(FEWEST_TILES);
+        let least = scene.assets.geometry_bytes() + scene.assets.tile_bytes.min(ROOM_FOR_TILES);
         if streams || context.has_outgrown || cap.is_some_and(|cap| least > cap) {
             return false;
         }
-        let missing = missing + scene.assets.tile_bytes.min(FEWEST_TILES);
+        let missing = missing + scene.assets.tile_bytes.min(ROOM_FOR_TILES);
         let waves = if self.waves.is_some() { 0 } else { roomy_waves(context, scene) };
         let unused_arenas = || {
             let heap = context.device.heap.stats();
@@ -440,7 +438,7 @@ impl Renderer {
             view.stack_size = stack_size;
             progress.streaming(|stats| stats.compiled_ahead = passes);
         }
-        self.make_waves(context, &view, parts.features, (scene.assets.tile_bytes, scene.maps_tiles(device)))?;
+        self.make_waves(context, &view, parts.features, (scene.assets.tile_bytes, scene.maps_tiles))?;
         let Some(paths) = &self.waves else {
             return Err(RenderError::Internal("the frame's waves were not made".into()));
         };

@@ -7,6 +7,7 @@
 
 use super::residency::SceneResidency;
 use crate::engine::StreamingEnd;
+use crate::frame::in_core::ROOM_FOR_TILES;
 use crate::wavefront::PendingCompiles;
 
 /// Nanoseconds that a path saves, without and with tiles of textures, when the device is busy (decisions/0050).
@@ -20,8 +21,6 @@ const NANOS_LOST: [u64; 2] = [200_000_000, 600_000_000];
 /// Bytes that are loaded for a nanosecond saved: a loader brings four in one, while the processors have little else to
 /// do.
 const BYTES_A_NANO: u64 = 12;
-/// Tiles that are loaded without streaming need so many bytes beside geometry, for themselves or in place of others.
-const ROOM_FOR_TILES: u64 = 8 << 20;
 
 /// Decides whether and when streaming ends.
 #[derive(Clone, Debug, Default)]

@@ -94,4 +94,11 @@ fn tiles_beyond_the_budget_are_read_in_host_memory() {
     let again = stats(&session);
     assert_eq!((again.loads, again.texture_loads), (0, 0), "a second picture finds what is there: {again:?}");
     assert!(is_right(), "the same bits again");
+    // A session that may not read host memory has the same device, with the limit that the other one has set.
+    drop(session);
+    let settings = Settings { memory_budget_mib: budget, host_mapped: HostMapped::Off, ..settings(1, 0) };
+    let off = self::session(settings, options(), build);
+    support::render(&off, &all);
+    assert_eq!(stats(&off).mapped_bytes, 0, "it reads tiles there: {:?}", stats(&off));
+    assert!(read_all(&off, &all) == read_all(&roomy, &all), "the same bits without host memory");
 }
