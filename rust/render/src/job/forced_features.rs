@@ -25,7 +25,7 @@ impl ForcedFeatures {
         *self == Self::NONE
     }
 
-    /// Returns the forced features that passes with `needed` can have; `of_lights` are those that the light table allows.
+    /// Returns the forced features that passes with `needed` can have; the light table allows `of_lights`.
     pub(crate) fn possible(&self, needed: Features, of_lights: Features) -> Features {
         let has_materials = needed.contains(Features::MATERIALS);
         let in_core = !needed.contains(Features::STREAMING);
