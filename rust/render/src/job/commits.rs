@@ -259,3 +259,86 @@ impl RenderControl {
         self.job.replace(ask.job(scene, self.generation))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::job::edits::SceneEdit;
+    use crate::job::light_files::NoFiles;
+    use glam::DMat4;
+    use oocpt_core::camera::Camera;
+    use oocpt_core::scene::SceneDb;
+
+    fn camera() -> Camera {
+        Camera {
+            world_from_view: DMat4::IDENTITY,
+            projection: DMat4::IDENTITY,
+            display_window: [0.0, 0.0, 1.0, 1.0],
+            data_window: [0, 0, 1, 1],
+            lens_radius: 0.0,
+            focus_distance: 0.0,
+            clip_planes: Vec::new(),
+            motion: Vec::new(),
+            exposure_scale: 1.0,
+        }
+    }
+
+    fn ask(width: u32, files: &Arc<dyn LightFiles>) -> RenderAsk {
+        RenderAsk {
+            request: RenderRequest { width, height: 1, camera: camera(), aovs: Vec::new() },
+            settings: Settings { interactive: true, ..Settings::default() },
+            options: SessionOptions::default(),
+            images: None,
+            files: Arc::clone(files),
+        }
+    }
+
+    /// Asks for a picture of this width and ends its commit; the scene is that of before.
+    fn commit(control: &mut RenderControl, scene: &CommittedScene, ask: RenderAsk) {
+        assert_eq!(control.ask(ask), Some(true), "a request that is new");
+        let ask = control.commits.begin().and_then(|work| work.ask).expect("a commit");
+        drop(control.committed(ask, Some(scene.clone())));
+    }
+
+    #[test]
+    fn a_request_that_comes_with_edits_waits_for_their_commit_a_little_and_others_do_not() {
+        let files: Arc<dyn LightFiles> = Arc::new(NoFiles);
+        let snapshot = SceneDb::new().commit().snapshot;
+        let scene = CommittedScene { snapshot, primvars: Vec::new().into(), meshes_made: 0, fixed_host_bytes: 0 };
+        let mut control = RenderControl::default();
+        commit(&mut control, &scene, ask(1, &files));
+        assert_eq!(control.generation, 1, "one job");
+        assert_eq!(control.ask(ask(1, &files)), None, "the same again");
+        commit(&mut control, &scene, ask(2, &files));
+        assert_eq!(control.generation, 2, "no second job of a scene that stayed");
+        control.commits.edit(vec![SceneEdit::other(|_| {})].into());
+        control.ask(ask(3, &files));
+        let now = Instant::now();
+        let hold = control.commits.hold(now).expect("it waits for the edits");
+        assert!(hold <= TOGETHER && control.commits.hold(now + TOGETHER).is_none(), "not for long: {hold:?}");
+        let ask_of_edits = control.commits.begin().and_then(|work| work.ask).expect("a commit");
+        control.ask(ask(4, &files));
+        drop(control.committed(ask_of_edits, Some(scene.clone())));
+        assert_eq!(control.commits.hold(now), None, "the commit is done");
+        assert_eq!(control.job.as_ref().map(|job| job.request.width), Some(4), "the newest request");
+        control.commits.begin().expect("the commit of the last one");
+        control.ask(ask(5, &files));
+        assert_eq!(control.commits.hold(Instant::now()), None, "nothing was edited");
+    }
+
+    #[test]
+    fn edits_without_a_request_are_noted_while_no_request_waits() {
+        let files: Arc<dyn LightFiles> = Arc::new(NoFiles);
+        let mut control = RenderControl::default();
+        let edits = || vec![SceneEdit::other(|_| {})].into();
+        control.commits.edit(edits());
+        let noted = control.commits.begin().expect("work");
+        assert!(noted.ask.is_none() && !noted.edits.is_empty(), "noted");
+        assert!(!control.commits.is_pending() && control.commits.begin().is_none(), "not committed");
+        assert_eq!(control.ask(ask(1, &files)), Some(true), "a request");
+        control.commits.edit(edits());
+        let work = control.commits.begin().expect("work");
+        assert!(work.ask.is_some() && work.edits.is_empty(), "without the edits after it");
+        assert_eq!(control.ask(ask(1, &files)), Some(false), "the same request with edits is work");
+    }
+}

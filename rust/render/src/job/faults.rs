@@ -74,6 +74,9 @@ impl FaultWitness {
     }
 }
 
+/// The time after which a closed gate opens: a test that nobody opens it for is to fail, not to hang.
+const OPENS: Duration = Duration::from_secs(20);
+
 /// A gate that each commit of a session passes when its edits are applied.
 #[derive(Debug, Default)]
 pub struct CommitGate {
@@ -86,6 +89,7 @@ struct GateState {
     is_closed: bool,
     /// Commits that have come to the gate.
     arrived: u64,
+    passed: u64,
     /// So many commits fail.
     failures: u32,
 }
@@ -112,6 +116,11 @@ impl CommitGate {
         lock(&self.state).arrived
     }
 
+    /// Commits that have passed the gate so far.
+    pub fn passed(&self) -> u64 {
+        lock(&self.state).passed
+    }
+
     /// Waits until so many commits have come to the gate, at most `timeout`; returns whether they have.
     pub fn wait_for(&self, commits: u64, timeout: Duration) -> bool {
         let end = Instant::now() + timeout;
@@ -130,9 +139,9 @@ impl CommitGate {
         let mut state = lock(&self.state);
         state.arrived += 1;
         self.changed.notify_all();
-        while state.is_closed {
-            state = self.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
-        }
+        let closed = |state: &mut GateState| state.is_closed;
+        state = self.changed.wait_timeout_while(state, OPENS, closed).unwrap_or_else(PoisonError::into_inner).0;
+        state.passed += 1;
         if state.failures > 0 {
             state.failures -= 1;
             drop(state);
