@@ -247,6 +247,9 @@ shared! {
         pub adaptive: u64,
         /// One [`crate::TextureFeedback`]; 0 if all tiles are resident, and with `Features::STREAMING`.
         pub texture_feedback: u64,
+        /// u32 in host memory, written while passes run: not 0 once the host has given the picture up, and rounds that
+        /// have not begun are to be left out. 0 if the host never does, and with `Features::STREAMING`. 4-byte aligned.
+        pub cancelled: u64,
         /// Programs of the materials; 0 without `Features::PATTERNS`.
         pub programs: u64,
         /// Tables of sheen; 0 without `Features::SHEEN`.
