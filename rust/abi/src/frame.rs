@@ -66,7 +66,7 @@ bitflags! {
 
 shared! {
     /// Outputs of `shade_aovs`: device addresses of tightly packed planes, pixel `y * width + x`, row 0 at the bottom.
-    /// 0 = not wanted. [`crate::aov_bytes`] gives bytes per pixel.
+    /// 0 = not wanted.
     #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
     pub struct AovTargets {
         /// f32, clip z/w mapped from [-1, 1] to [0, 1].
