@@ -101,7 +101,7 @@ pub struct SceneDb {
     material_edits: u64,
     /// Purposes that are shown, by [`canonical_purpose`]; empty: all.
     purposes: Vec<String>,
-    /// True if something was edited since the last commit.
+    /// True if something was edited since the last commit that ended.
     edited: bool,
     mesh_store: MeshStore,
     surface_store: SurfaceStore,
@@ -325,9 +325,9 @@ impl SceneDb {
     }
 
     /// Applies the edits since the last commit. New meshes are built on the rayon pool; everything else is shared with
-    /// the last snapshot.
+    /// the last snapshot. After a panic the next commit does the same again.
     pub fn commit(&mut self) -> SceneCommit {
-        if !std::mem::take(&mut self.edited) {
+        if !self.edited {
             return SceneCommit { snapshot: self.snapshot.clone(), warnings: Vec::new(), changed: false };
         }
         let mut reports = CommitReports::default();
@@ -353,6 +353,7 @@ impl SceneDb {
             self.snapshot = Arc::new(next);
         }
         self.mesh_store.forget_unused();
+        self.edited = false;
         SceneCommit { snapshot: self.snapshot.clone(), warnings: self.new_warnings(&reports), changed }
     }
 
