@@ -12,8 +12,10 @@ mod dicing;
 mod entries;
 mod lent;
 mod light;
+mod linked_prims;
 mod linking;
 mod mesh_lights;
+mod mesh_outline;
 mod mesh_placements;
 mod mesh_store;
 mod placement_motion;
@@ -45,10 +47,9 @@ pub use lent::LentBytes;
 use lent::{LentArrays, instancer_arrays, mesh_arrays};
 pub use resolve::MAX_NESTING;
 pub use snapshot::{
-    Aabb, Assembly, Attribute, Bvh2, BvhError, BvhNode, DomeTexture, IesError, IesProfile, InstanceFlags,
-    InstanceRecord, InstanceTarget, Light, LightEmitter, LightMotion, LightShaping, LinkTable, LocalLight, LocalShape,
-    MeshAsset, PrimRecord, SceneCounts, SceneMesh, SceneWarning, Snapshot, SnapshotError, SurfaceTables, Triangle,
-    blackbody,
+    Aabb, Assembly, Attribute, Bvh2, BvhError, BvhNode, DomeTexture, IesError, IesProfile, InstanceRecord,
+    InstanceTarget, Light, LightEmitter, LightMotion, LightShaping, LinkTable, LocalLight, LocalShape, MeshAsset,
+    PrimRecord, SceneCounts, SceneMesh, SceneWarning, Snapshot, SnapshotError, SurfaceTables, Triangle, blackbody,
 };
 
 pub use mesh_lights::MESH_LIGHT;
