@@ -249,7 +249,7 @@ fn diffing_an_array_shared_by_many_prototypes_does_not_deadlock() {
         }
     });
     for k in 0..20 {
-        let changed = result.recv_timeout(std::time::Duration::from_secs(60));
+        let changed = result.recv_timeout(Duration::from_secs(60));
         assert_eq!(changed, Ok(true), "edit {k} does not end");
     }
 }
@@ -294,7 +294,8 @@ fn a_commit_that_panics_is_made_again_by_the_next_one() {
     fresh.upsert_mesh(edited);
     instancers.iter().for_each(|instancer| fresh.upsert_instancer(instancer.clone()));
     let fresh = fresh.commit().snapshot;
-    assert_eq!(flatten(&after.snapshot), flatten(&fresh), "the placements of a scene without that failure");
+    let placed = |snapshot: &Snapshot| format!("{:?}", flatten(snapshot));
+    assert_eq!(placed(&after.snapshot), placed(&fresh), "the placements of a scene without that failure");
     let sizes = |snapshot: &Snapshot| snapshot.meshes.iter().map(|mesh| mesh.triangles).collect::<Vec<_>>();
     assert_eq!(sizes(&after.snapshot), sizes(&fresh), "and its meshes");
     assert!(!db.commit().changed, "nothing is left to do");
