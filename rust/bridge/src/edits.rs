@@ -9,7 +9,7 @@ use oocpt_render::SceneEdit;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Complaints of edits that were converted and whose batch is not at its end.
-type Complaints = Arc<Mutex<ConversionWarnings>>;
+type BatchComplaints = Arc<Mutex<ConversionWarnings>>;
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
@@ -17,7 +17,7 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 
 /// A batch of edits. What cannot be converted is added to `warnings`, summed up over the batch.
 pub(crate) fn of(batch: ffi::SceneEdits, warnings: &Arc<Mutex<Vec<String>>>) -> Vec<SceneEdit> {
-    let complaints = Complaints::default();
+    let complaints = BatchComplaints::default();
     let removed = batch.removed.into_iter().map(SceneEdit::Remove);
     let materials = batch.materials.into_iter().map(|desc| edit_material(desc, &complaints));
     let meshes = batch.meshes.into_iter().map(|desc| edit_mesh(desc, &complaints));
@@ -36,7 +36,7 @@ pub(crate) fn purposes(purposes: Vec<String>) -> SceneEdit {
     SceneEdit::other(move |scene| scene.set_purposes(&purposes.iter().map(String::as_str).collect::<Vec<_>>()))
 }
 
-fn edit_material(desc: ffi::MaterialDesc, complaints: &Complaints) -> SceneEdit {
+fn edit_material(desc: ffi::MaterialDesc, complaints: &BatchComplaints) -> SceneEdit {
     let complaints = Arc::clone(complaints);
     SceneEdit::upsert(desc.path.clone(), move |scene| {
         let material = material::material(desc, &mut lock(&complaints));
@@ -45,7 +45,7 @@ fn edit_material(desc: ffi::MaterialDesc, complaints: &Complaints) -> SceneEdit 
     })
 }
 
-fn edit_mesh(desc: ffi::MeshDesc, complaints: &Complaints) -> SceneEdit {
+fn edit_mesh(desc: ffi::MeshDesc, complaints: &BatchComplaints) -> SceneEdit {
     let complaints = Arc::clone(complaints);
     SceneEdit::upsert(desc.prim.path.clone(), move |scene| {
         let mesh = convert::mesh(desc, &mut lock(&complaints));
@@ -54,7 +54,7 @@ fn edit_mesh(desc: ffi::MeshDesc, complaints: &Complaints) -> SceneEdit {
     })
 }
 
-fn edit_instancer(desc: ffi::InstancerDesc, complaints: &Complaints) -> SceneEdit {
+fn edit_instancer(desc: ffi::InstancerDesc, complaints: &BatchComplaints) -> SceneEdit {
     let complaints = Arc::clone(complaints);
     SceneEdit::upsert(desc.prim.path.clone(), move |scene| {
         let instancer = convert::instancer(desc, &mut lock(&complaints));

@@ -9,7 +9,6 @@
 use crate::job::edits::EditQueue;
 use crate::job::light_files::LightFiles;
 use crate::job::request::RenderRequest;
-use crate::job::shared::RenderControl;
 use crate::job::{RenderJob, SessionOptions};
 use crate::textures::ImageLibrary;
 use oocpt_core::inventory::PrimvarUse;
@@ -101,6 +100,30 @@ pub(crate) struct CommitWork {
     pub(crate) edits: EditQueue,
     /// What the commit is for; none if the edits are only noted.
     pub(crate) ask: Option<RenderAsk>,
+}
+
+/// The host's requests to the commit thread and the render thread.
+#[derive(Debug, Default)]
+pub(crate) struct RenderControl {
+    pub(crate) commits: CommitQueue,
+    pub(crate) job: Option<Arc<RenderJob>>,
+    /// Grows with every posted or restarted job.
+    pub(crate) generation: u64,
+    /// Generation that the thread has finished (rendered, failed or given up).
+    pub(crate) finished: u64,
+    /// Generation that is to end with the samples that it has.
+    pub(crate) ends_early: u64,
+    pub(crate) paused: bool,
+    pub(crate) stopped: bool,
+    pub(crate) quit: bool,
+}
+
+impl RenderControl {
+    /// Whether the newest picture is still to come: a job is under way or its scene is being committed.
+    pub(crate) fn is_rendering(&self) -> bool {
+        let is_rendering = self.job.is_some() && self.finished != self.generation && !self.stopped;
+        is_rendering || self.commits.is_awaited()
+    }
 }
 
 /// Requests and edits on their way to a job.

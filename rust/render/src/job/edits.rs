@@ -6,22 +6,22 @@ use rustc_hash::FxHashSet;
 use std::fmt;
 
 /// The work of an edit.
-type Apply = Box<dyn FnOnce(&mut SceneDb) + Send>;
+type ApplyEdit = Box<dyn FnOnce(&mut SceneDb) + Send>;
 
 /// One edit of a scene. What it takes, such as comparing arrays, is done by the commit thread.
 pub enum SceneEdit {
     /// Removes the prims at a path and below it.
     Remove(String),
-    /// Adds the prim at a path or replaces it, and does nothing else. Is left out if a later edit of the same path comes
-    /// before the next commit.
+    /// Adds the prim at a path or replaces it, and does nothing else. Is left out if a later edit of the same path
+    /// comes before the next commit.
     Upsert {
         /// Path of the prim.
         path: String,
         /// Adds it.
-        apply: Apply,
+        apply: ApplyEdit,
     },
     /// Something that is not about a single prim.
-    Other(Apply),
+    Other(ApplyEdit),
 }
 
 impl SceneEdit {

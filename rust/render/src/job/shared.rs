@@ -3,8 +3,7 @@
 //! messages; and the gate that a frame asks whether it may go on.
 
 use crate::error::RenderError;
-use crate::job::RenderJob;
-use crate::job::commits::CommitQueue;
+use crate::job::commits::RenderControl;
 use crate::job::patience::{self, LoadWait, WaitVerdict};
 use crate::job::publish::PublishedImages;
 use crate::job::request::{Message, Severity};
@@ -15,30 +14,6 @@ use oocpt_gpu::DeviceReport;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
-
-/// The host's requests to the commit thread and the render thread.
-#[derive(Debug, Default)]
-pub(crate) struct RenderControl {
-    pub(crate) commits: CommitQueue,
-    pub(crate) job: Option<Arc<RenderJob>>,
-    /// Grows with every posted or restarted job.
-    pub(crate) generation: u64,
-    /// Generation that the thread has finished (rendered, failed or given up).
-    pub(crate) finished: u64,
-    /// Generation that is to end with the samples that it has.
-    pub(crate) ends_early: u64,
-    pub(crate) paused: bool,
-    pub(crate) stopped: bool,
-    pub(crate) quit: bool,
-}
-
-impl RenderControl {
-    /// Whether the newest picture is still to come: a job is under way or its scene is being committed.
-    pub(crate) fn is_rendering(&self) -> bool {
-        let is_rendering = self.job.is_some() && self.finished != self.generation && !self.stopped;
-        is_rendering || self.commits.is_awaited()
-    }
-}
 
 /// State shared between the host's threads and those of the session.
 #[derive(Debug, Default)]

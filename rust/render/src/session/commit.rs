@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! A commit of the scene: edits in, a snapshot and what a job needs beside it out. Takes as long as the edits are large.
+//! A commit of the scene: edits in, a snapshot and what a job needs beside it out.
 
 use crate::device::loader::Loader;
 use crate::geometry_files::{GeometryFiles, GeometrySetting};
