@@ -2,6 +2,7 @@
 //! The images of a frame on the device and their way to the host.
 
 pub(crate) mod adaptive;
+mod exr_header;
 pub(crate) mod measure;
 pub mod picture;
 pub(crate) mod reference;
