@@ -205,9 +205,11 @@ impl<'a> FrameProgress<'a> {
     /// whole for the first time, and from time to time.
     pub(crate) fn publish_due(&mut self, extent: PictureExtent) -> bool {
         let now = Instant::now();
+        let is_last = extent.samples != u64::MAX && extent.samples >= self.total_paths();
         let is_whole = extent.covers(self.pixels);
         let is_first = is_whole && !self.is_whole;
-        if !self.interactive || (now < self.next_publish && !is_first) {
+        // The end of the render publishes the last one.
+        if !self.interactive || is_last || (now < self.next_publish && !is_first) {
             return false;
         }
         if !is_whole && (self.decided.is_some() || self.shown_extent(extent).is_none()) {

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The job of a render thread. Plain data.
+//! The job of a render thread, and how it comes about. Plain data.
 
 pub(crate) mod aov;
+pub(crate) mod commits;
+pub(crate) mod edits;
 #[cfg(feature = "faults")]
 pub(crate) mod faults;
 pub(crate) mod forced_features;

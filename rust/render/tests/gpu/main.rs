@@ -8,6 +8,7 @@ mod against_judge;
 mod bounce_kinds;
 mod bsdf;
 mod clipping;
+mod commits;
 mod control;
 mod curves_and_points;
 mod deformation;
