@@ -32,8 +32,8 @@ void say(uint stream, uint pixel, FilmPixel film) {
 
 // Sample `index` of a pixel by its weight, which the filter may have negative: not the weighted mean over the sum of
 // the weights, which has no bound where they cancel, but `base + weight * (value - base)`, whose mean is the same, as
-// that of the weights is 1. With the mean of the first half of the samples as the base it is as exact: a constant picture
-// stays one, and what the film knows of these values' spread is that of the picture.
+// that of the weights is 1. With the mean of the first half of the samples as the base it is as exact: a constant
+// picture stays one, and what the film knows of these values' spread is that of the picture.
 vec4 weighted(vec4 value, FilmPixel film, uint index, uint seed) {
     // The first has no base but the second: both are weighted then.
     if (film.samples == 0u) return value;

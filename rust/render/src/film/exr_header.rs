@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Adds attributes to the header of an EXR file that somebody else has written: all else of the file stays as it is, bit
-//! for bit, and no pixel is decoded. Hosts write the files of their renders, and Hydra has no way to hand them
+//! Adds attributes to the header of an EXR file that somebody else has written: all else of the file stays as it is,
+//! bit for bit, and no pixel is decoded. Hosts write the files of their renders, and Hydra has no way to hand them
 //! attributes.
 //!
 //! The header ends with an empty name; behind it is a table of the places of all chunks, which move by the bytes that
 //! were added. Files of one part with chunks in their order are all that hosts write; others are left as they are.
 
-use super::picture::{PREFIX, PictureAttribute, PictureAttributes};
+use super::picture_attribute::{PREFIX, PictureAttribute, PictureAttributes};
 use std::fs::File;
 use std::io::{BufRead, BufReader, BufWriter, Error, ErrorKind, Read, Result, Seek, SeekFrom, Write};
 use std::path::Path;

@@ -5,6 +5,7 @@ pub(crate) mod adaptive;
 mod exr_header;
 pub(crate) mod measure;
 pub mod picture;
+mod picture_attribute;
 pub(crate) mod reference;
 
 use crate::error::RenderError;

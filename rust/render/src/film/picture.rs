@@ -7,42 +7,19 @@
 //! names. Files that are read may come from strangers: only a bounded part of their headers is read. Any thread.
 
 use super::exr_header;
+use super::picture_attribute::PREFIX;
+pub use super::picture_attribute::{PictureAttribute, PictureAttributes};
 use exr::meta::attribute::{AttributeValue, Text};
 use exr::prelude::{Encoding, Image, Layer, LayerAttributes, MetaData, SpecificChannels, Vec2, WritableImage as _};
 use oocpt_core::settings::Settings;
 use oocpt_core::stats::{ErrorRow, RenderStats};
-use serde::Serialize;
 use std::io::{BufReader, BufWriter};
 use std::path::Path;
 
-/// The prefix of our attributes' names.
-pub(super) const PREFIX: &str = "oocpt:";
 /// Most attributes that are read.
 const MOST: usize = 64;
 /// Longest text of an attribute that is read, characters.
 const LONGEST: usize = 400;
-
-/// An attribute's value.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-#[serde(untagged)]
-pub enum PictureAttribute {
-    /// A text.
-    Text(String),
-    /// A number; counts are exact below 2^53.
-    Number(f64),
-}
-
-impl std::fmt::Display for PictureAttribute {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::Text(text) => f.write_str(text),
-            Self::Number(number) => write!(f, "{number}"),
-        }
-    }
-}
-
-/// The attributes of a picture: names without `oocpt:`, and values.
-pub type PictureAttributes = Vec<(String, PictureAttribute)>;
 
 /// The reasons why a picture was not written or read.
 #[derive(Debug, thiserror::Error)]

@@ -176,7 +176,7 @@ fn a_filtered_picture_is_the_convolution_of_a_finer_one() {
     }
 }
 
-/// Mitchell's outside is 1.6 % of an axis at either end: when there are 64 strata its error falls by more than a fourth
+/// Mitchell's outside is 1.6 % of an axis at either end: when there are 64 strata its error falls to less than a fourth
 /// in one octave, which no slope of the octaves before foretells, and the picture is better than it says.
 #[test]
 fn the_stated_error_is_true_with_weights_of_both_signs() {
