@@ -53,7 +53,8 @@ class LiveView:
         return self.stats["oocpt:shownJob"]
 
     def shows_newest(self, before: int) -> bool:
-        return self.shown > before and self.shown == self.stats["oocpt:job"]
+        is_newest = self.shown == self.stats["oocpt:job"] and not self.stats["oocpt:commitPending"]
+        return self.shown > before and is_newest
 
     def is_full(self) -> bool:
         return self.stats["numCompletedSamples"] >= 1

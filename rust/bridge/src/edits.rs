@@ -23,8 +23,7 @@ pub(crate) fn of(batch: ffi::SceneEdits, warnings: &Arc<Mutex<Vec<String>>>) -> 
     let meshes = batch.meshes.into_iter().map(|desc| edit_mesh(desc, &complaints));
     let instancers = batch.instancers.into_iter().map(|desc| edit_instancer(desc, &complaints));
     let lights = batch.lights.into_iter().map(edit_light);
-    let mut edits: Vec<SceneEdit> =
-        removed.chain(materials).chain(meshes).chain(instancers).chain(lights).collect();
+    let mut edits: Vec<SceneEdit> = removed.chain(materials).chain(meshes).chain(instancers).chain(lights).collect();
     if !edits.is_empty() {
         let warnings = Arc::clone(warnings);
         edits.push(SceneEdit::other(move |_| lock(&warnings).append(&mut summary(&lock(&complaints).0))));

@@ -185,7 +185,8 @@ mod tests {
         let mut random = 7;
         for _ in 0..300 {
             let edit = |random: &mut u64| {
-                let path = ["/a", "/a/b", "/a/b/c", "/ab", "/d", "/d/b"][usize::try_from(next(random, 6)).expect("few")];
+                let path =
+                    ["/a", "/a/b", "/a/b/c", "/ab", "/d", "/d/b"][usize::try_from(next(random, 6)).expect("few")];
                 if next(random, 3) == 0 { (path, None) } else { (path, Some(1.0 + next(random, 50) as f32)) }
             };
             let batches = (0..4).map(|_| (0..next(&mut random, 5)).map(|_| edit(&mut random)).collect());

@@ -87,6 +87,8 @@ pub struct CommitGate {
 #[derive(Debug, Default)]
 struct GateState {
     is_closed: bool,
+    /// So many commits pass all the same.
+    admitted: u32,
     /// Commits that have come to the gate.
     arrived: u64,
     passed: u64,
@@ -103,6 +105,12 @@ impl CommitGate {
     /// Lets commits pass.
     pub fn open(&self) {
         lock(&self.state).is_closed = false;
+        self.changed.notify_all();
+    }
+
+    /// Lets so many commits pass the closed gate.
+    pub fn admit(&self, commits: u32) {
+        lock(&self.state).admitted = commits;
         self.changed.notify_all();
     }
 
@@ -139,9 +147,10 @@ impl CommitGate {
         let mut state = lock(&self.state);
         state.arrived += 1;
         self.changed.notify_all();
-        let closed = |state: &mut GateState| state.is_closed;
+        let closed = |state: &mut GateState| state.is_closed && state.admitted == 0;
         state = self.changed.wait_timeout_while(state, OPENS, closed).unwrap_or_else(PoisonError::into_inner).0;
         state.passed += 1;
+        state.admitted = state.admitted.saturating_sub(1);
         if state.failures > 0 {
             state.failures -= 1;
             drop(state);

@@ -6,9 +6,7 @@ use crate::scenes::{dome, prim, sphere};
 use crate::support::{TIMEOUT, perspective, read, settings};
 use glam::{DMat4, DVec3};
 use oocpt_core::settings::Settings;
-use oocpt_render::{
-    AovKind, AovRequest, CommitGate, RenderRequest, SceneEdit, Session, SessionOptions, Severity,
-};
+use oocpt_render::{AovKind, AovRequest, CommitGate, RenderRequest, SceneEdit, Session, SessionOptions, Severity};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -104,10 +102,15 @@ fn a_camera_that_moves_during_a_commit_shows_the_scene_of_before_and_then_that_o
     assert_eq!(corner(&session, 17), 0.25, "the scene of before");
     assert!(!session.is_converged() && gate.passed() == 1, "the commit is still under way");
     session.render(view(18));
+    gate.admit(1);
+    assert!(gate.wait_for(3, TIMEOUT), "the commit of the moves");
+    let newest = session.generation();
+    assert_eq!(newest, 4, "first, two moves, the scene of after");
+    wait_until("the picture of the first commit", || session.shown_generation() == newest);
+    assert_eq!(corner(&session, 18), 0.5, "the scene of after, and the camera that came during its commit");
     gate.open();
     finish(&session);
-    assert_eq!(corner(&session, 18), 0.5, "the scene of after, and the newest camera");
-    assert_eq!(gate.arrived(), 3, "both moves share a commit");
+    assert_eq!((gate.arrived(), session.generation()), (3, newest), "both moves share a commit, which changes nothing");
     assert_eq!(session.shown_generation(), session.generation(), "the newest job is shown");
 }
 

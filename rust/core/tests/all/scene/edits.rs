@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Edits change what they must and nothing else.
 
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
+use std::time::Duration;
 
 use glam::{DMat4, DVec3};
+use oocpt_core::mesh::{MeshFiles, PayloadError, PayloadSource, StoredEntry};
 use oocpt_core::{InstancerDesc, LightDesc, LightKind, MeshDesc, SceneDb, Snapshot, Subdivision, TypedArray};
 
 use crate::support::{by, committed, flatten, grid, prim, scatter, triangle};
@@ -246,7 +249,54 @@ fn diffing_an_array_shared_by_many_prototypes_does_not_deadlock() {
         }
     });
     for k in 0..20 {
-        let changed = result.recv_timeout(std::time::Duration::from_secs(60));
+        let changed = result.recv_timeout(Duration::from_secs(60));
         assert_eq!(changed, Ok(true), "edit {k} does not end");
     }
+}
+
+/// Files that a commit does not survive.
+#[derive(Debug)]
+struct PanickingFiles;
+
+impl MeshFiles for PanickingFiles {
+    fn is_persistent(&self) -> bool {
+        true
+    }
+
+    fn find(&self, _: u128) -> Option<StoredEntry> {
+        std::panic::resume_unwind(Box::new("a planted failure"))
+    }
+
+    fn add(&self, _: Option<u128>, _: &[u8], _: &[Vec<&[u8]>]) -> Option<Vec<Arc<dyn PayloadSource>>> {
+        None
+    }
+
+    fn damaged(&self, _: Option<u128>, _: &PayloadError) {}
+
+    fn wait(&self, _: Duration) {}
+}
+
+#[test]
+fn a_commit_that_panics_is_made_again_by_the_next_one() {
+    let (mut db, meshes, instancers) = scene();
+    let before = db.commit().snapshot;
+    let mut edited = grid("/ground", 4);
+    edited.prim.transform = DMat4::from_translation(DVec3::Y);
+    db.upsert_mesh(edited.clone());
+    db.set_mesh_files(Some(Arc::new(PanickingFiles)));
+    assert!(catch_unwind(AssertUnwindSafe(|| db.commit())).is_err(), "the planted failure");
+    assert!(Arc::ptr_eq(db.snapshot(), &before), "the scene is that of before");
+    db.set_mesh_files(None);
+    let after = db.commit();
+    assert!(after.changed, "the edit is not lost");
+    let mut fresh = SceneDb::new();
+    meshes.iter().skip(1).for_each(|mesh| fresh.upsert_mesh(mesh.clone()));
+    fresh.upsert_mesh(edited);
+    instancers.iter().for_each(|instancer| fresh.upsert_instancer(instancer.clone()));
+    let fresh = fresh.commit().snapshot;
+    let placed = |snapshot: &Snapshot| format!("{:?}", flatten(snapshot));
+    assert_eq!(placed(&after.snapshot), placed(&fresh), "the placements of a scene without that failure");
+    let sizes = |snapshot: &Snapshot| snapshot.meshes.iter().map(|mesh| mesh.triangles).collect::<Vec<_>>();
+    assert_eq!(sizes(&after.snapshot), sizes(&fresh), "and its meshes");
+    assert!(!db.commit().changed, "nothing is left to do");
 }
