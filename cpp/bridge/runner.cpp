@@ -115,6 +115,16 @@ extern "C" __attribute__((visibility("default"))) void HdOocPTRunnerRendered()
     });
 }
 
+/// Adds to the EXR file `path`, to which the host has written the begun picture, how it was made. Returns 0 if the file
+/// stays as it is.
+extern "C" __attribute__((visibility("default"))) int HdOocPTRunnerAnnotate(const char* path)
+{
+    return _Try([path] {
+        oocpt::annotate_picture(rust::Str(path));
+        return true;
+    });
+}
+
 /// Returns 1 if there was an interrupt; then also the progress of the begun picture: the finished samples of each
 /// pixel, 0 for none, and the requested number.
 extern "C" __attribute__((visibility("default"))) int HdOocPTRunnerInterrupted(

@@ -100,7 +100,7 @@ void HdOocPTSession::_Impl::ForwardSetting(const TfToken& key, const VtValue& va
         if (HdOocPTToScalar(value, &scalar)) {
             const oocpt::SettingOutcome outcome = (*session)->set_setting(_Str(key.GetString()), scalar);
             if (isOurs && outcome == oocpt::SettingOutcome::Unknown) {
-                TF_WARN("OocPT: there is no setting %s; ignored", key.GetText());
+                TF_WARN("OocPT: %s It is ignored", std::string(oocpt::unknown_setting(_Str(key.GetString()))).c_str());
             }
         } else if (isOurs) {
             TF_WARN("OocPT: the setting %s cannot hold a %s; ignored", key.GetText(), value.GetTypeName().c_str());

@@ -5,6 +5,7 @@
 #define OOCPT_LIGHT_SAMPLING_GLSL
 
 #include "material/dispersion.glsl"
+#include "wavefront/bounce_kinds.glsl"
 
 // A candidate for a shadow ray. `contribution` leaves out the path's throughput; 0: nothing to trace. Until
 // finish_light_sample has evaluated the BSDF it leaves that out too, and the members below tell how it comes in.
@@ -258,7 +259,8 @@ LightSample sample_one_light(uint path, uint bounce, const Bsdf bsdf, vec3 wo, D
 void resolve_ask(uint path, Surface surface, Shading shading, out uint missing) {
     missing = TEXTURE_DONE;
     const Ray ray = load_ray(ray_address(path));
-    if (LIGHTING.textured_mesh_lights == 0u || ray.bounce > FRAME.max_bounces) return;
+    const uint kinds = path_kinds(path, ray.bounce);
+    if (LIGHTING.textured_mesh_lights == 0u || only_looks_for_lights(ray.bounce, kinds)) return;
     if (HAS_DISPERSION) disperse(path, load_path(path).throughput, shading);
     const vec3 wo = -ray.d;
     const Bsdf bsdf = make_bsdf(shading, wo);
@@ -267,7 +269,7 @@ void resolve_ask(uint path, Surface surface, Shading shading, out uint missing) 
     LightSample ls =
         sample_one_light(path, ray.bounce, bsdf, wo, add(surface.position, surface.offset * normal),
                          prim_link_set(surface.prim_id), packed_normal,
-                ray.bounce >= FRAME.max_bounces && is_plain(bsdf), surface.cone);
+                         ends_paths(bsdf, ray.bounce, kinds), surface.cone);
     if (needs_bsdf(ls)) {
         vec3 diffuse, specular;
         float density;

@@ -11,6 +11,7 @@
 #include "math/sampler.glsl"
 #include "material/lambert.glsl"
 #include "camera/camera.glsl"
+#include "camera/pixel_filter.glsl"
 
 void start_path(uint thread, uint path) {
     uint pixel_index = pixel_from(push.first_pixel, thread);
@@ -24,7 +25,8 @@ void start_path(uint thread, uint path) {
     }
     const uvec2 pixel = pixel_position(pixel_index);
     const vec4 u = sample_4d(sample_index, 0u, pixel_seed(pixel.x, pixel.y, seed));
-    const vec2 p = vec2(pixel) + u.xy;
+    vec2 p = vec2(pixel) + u.xy;
+    if (HAS_PIXEL_FILTER) p = vec2(pixel) + filter_place(u.xy);
     const vec2 lens = HAS_LENS ? disk(u.zw) : vec2(0.0);
     if (HAS_CAMERA_MOTION) {
         const float time = shutter_time(sample_index, pixel_seed(pixel.x, pixel.y, seed));

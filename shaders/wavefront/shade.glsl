@@ -8,6 +8,8 @@
 #ifndef OOCPT_SHADE_GLSL
 #define OOCPT_SHADE_GLSL
 
+#include "wavefront/bounce_kinds.glsl"
+
 void add_radiance(uint path, vec3 value) {
     const vec4 before = ConstVec4s(FRAME.radiance).v[path];
     Vec4s(FRAME.radiance).v[path] = vec4(before.xyz + value, before.w);
@@ -78,7 +80,8 @@ void shade(uint path, out bool asks, out bool go_on) {
     if (HAS_CUTOUTS && HAS_TEXTURES) store_next_cone(path, surface.cone, 0.0);
     if (ray.bounce == 0u) Vec4s(FRAME.radiance).v[path] = vec4(0.0, 0.0, 0.0, 1.0);
     if (HAS_LOCAL_LIGHTS) add_met_lights(path, ray, surface, state);
-    const bool only_lights = HAS_MATERIALS && ray.bounce > FRAME.max_bounces;
+    const uint kinds = path_kinds(path, ray.bounce);
+    const bool only_lights = only_looks_for_lights(ray.bounce, kinds);
     if (only_lights && !HAS_EMISSION) return;
 
     uint missing;
@@ -100,7 +103,7 @@ void shade(uint path, out bool asks, out bool go_on) {
     const Bsdf bsdf = make_bsdf(shading, wo);
     const vec3 normal = bsdf_normal(bsdf);
     const Double3 origin = add(surface.position, surface.offset * normal);
-    const bool last = ray.bounce >= FRAME.max_bounces && is_plain(bsdf);
+    const bool last = ends_paths(bsdf, ray.bounce, kinds);
     const uvec2 pixel = pixel_position(path_pixel(path));
     const uint seed = pixel_seed(pixel.x, pixel.y, path_seed(path));
     const uint index = path_sample(path);
@@ -160,6 +163,7 @@ void shade(uint path, out bool asks, out bool go_on) {
     if (HAS_TEXTURES) store_next_cone(path, surface.cone, pdf);
     store_previous_vertex(path, packed_normal, link_set, share);
     const bool goes_beyond = HAS_BEYOND && dot(wi, normal) < 0.0;
+    if (HAS_BOUNCE_KINDS) count_bounce(path, bsdf, u.z, goes_beyond, kinds);
     Double3 from = origin;
     if (goes_beyond) from = beyond;
     if (goes_beyond && is_hair(bsdf)) from = add(surface.position, way_around(bsdf, wi, surface.offset));

@@ -82,6 +82,15 @@ def test_a_wrong_setting_is_an_error_that_says_what_is_meant(usdrecord, flags, w
     assert done.returncode == 2 and words in done.stderr, done.stderr
 
 
+def test_an_unknown_setting_of_a_scene_is_a_warning_that_says_the_nearest(usdrecord, tmp_path):
+    scene = tmp_path / "scene.usda"
+    samples = "custom int oocpt:samplesPerPixel = 2"
+    scene.write_text(scene.read_text().replace(samples, f"{samples}\n    custom int oocpt:maxDifuseBounces = 1"))
+    done = usdrecord()
+    assert done.returncode == 0 and len(closing(done, 2)) == 1, done.stderr
+    assert "no setting oocpt:maxDifuseBounces; did you mean oocpt:maxDiffuseBounces?" in done.stderr, done.stderr
+
+
 def test_a_render_that_shows_pictures_on_the_way_ends_without_words(host):
     quick = {"oocpt:samplesPerPixel": 2, "oocpt:maxBounces": 0}
     said = {}

@@ -191,6 +191,10 @@ features! {
     POINTS: "points", [], Always;
     /// The shadows of some light end at a distance.
     SHADOW_REACH: "shadows that end", [], Never;
+    /// Some kind of bounce has a limit of its own: `FrameConstants::bounce_kinds` is used.
+    BOUNCE_KINDS: "limits of bounces by kind", [], Never;
+    /// The filter of the pixels is another than their square: `FrameConstants::pixel_filter` is used.
+    PIXEL_FILTER: "pixel filter", [], Never;
     /// Some material has the lobe that tests add.
     #[cfg(feature = "faults")]
     TOY_LOBE: "toy lobe", [MATERIALS], Never;

@@ -27,8 +27,8 @@ shared! {
         pub pad0: u32,
         /// Mean of rgb over the first `p` samples, `p` the largest power of two below `samples`; 0 up to one sample.
         pub earlier: [f32; 3],
-        /// Padding; 0.
-        pub pad1: u32,
+        /// As `earlier`, of alpha; only if samples have negative weights.
+        pub earlier_alpha: f32,
     }
 }
 

@@ -258,6 +258,13 @@ shared! {
         pub camera_motion: u64,
         /// [`ClipPlane`]s, `clip_plane_count` of them; 0 without `Features::CLIPPING`. 16-byte aligned.
         pub clip_planes: u64,
+        /// u32 per path: the bounces of each kind so far, of [`crate::BOUNCE_KIND_BITS`] each, diffuse lowest, then
+        /// specular, then transmission; the highest bit: the ray only looks for lights. 0 without
+        /// `Features::BOUNCE_KINDS`. 4-byte aligned.
+        pub bounce_kinds: u64,
+        /// f32, [`FILTER_INTERVALS`] + 1 of them: pixels from the centre by random numbers in 0..1, for half of an axis
+        /// (`oocpt_core::pixel_filter`); 0 without `Features::PIXEL_FILTER`. 4-byte aligned.
+        pub pixel_filter: u64,
         /// Pixel x of a point = dot of this with (v, 1), v in view space, over that of `clip_w`.
         pub pixel_x: [f32; 4],
         /// Row that gives the pixel y of a point.
@@ -266,8 +273,20 @@ shared! {
         pub exposure: f32,
         /// Summand that keeps the relative error of a black pixel finite, in units of the film: 0.01 of the picture's.
         pub error_floor: f32,
+        /// Most bounces of each kind of a path; only with `Features::BOUNCE_KINDS`.
+        pub kind_limits: [u32; 3],
+        /// Weight of a sample where the pixels' filter is positive, minus that where it is negative; only with
+        /// `Features::PIXEL_FILTER`, as the next.
+        pub filter_weight: f32,
+        /// Random number for half of an axis from which on the filter is negative along it; above 1 if it never is.
+        pub filter_negative_from: f32,
+        /// Padding; 0.
+        pub pad: u32,
     }
 }
+
+/// Intervals of `FrameConstants::pixel_filter`.
+pub const FILTER_INTERVALS: u32 = 512;
 
 shared! {
     /// A clipping plane of the camera as a function of image point, lens point and distance along the ray, 32 B: at

@@ -62,6 +62,9 @@ shared! {
     }
 }
 
+/// Bits of a word of `FrameConstants::bounce_kinds` for each of three kinds.
+pub const BOUNCE_KIND_BITS: u32 = 10;
+
 /// Packs a colour in ten bits for each channel, from 0 to 1; `unpack_color` of the shaders unpacks it.
 #[must_use]
 pub fn pack_color(color: [f32; 3]) -> u32 {

@@ -3,7 +3,7 @@
 //! of `lib.rs`.
 
 use crate::guard::{BridgeError, guard};
-use crate::runner::{self, begin_picture, interrupt, picture_rendered};
+use crate::runner::{self, annotate_picture, begin_picture, interrupt, picture_rendered};
 use crate::settings;
 use ffi::{InterruptState, PrimWarning};
 use oocpt_core::scene::{SceneWarning, summary};
@@ -26,6 +26,11 @@ fn summed_warnings(warnings: Vec<PrimWarning>) -> Result<Vec<String>, BridgeErro
 /// Returns true if a scene may set the setting of that name; also if there is no such setting.
 fn scene_may_set(key: &str) -> bool {
     Settings::scope(key) != Some(SettingScope::Machine)
+}
+
+/// What is said of the name of a setting that there is not; empty if there is one.
+fn unknown_setting(key: &str) -> String {
+    Settings::key_named(key).err().map_or_else(String::new, |error| error.to_string())
 }
 
 /// Sets a setting: [`settings::set_on_command_line`].
@@ -70,11 +75,13 @@ mod ffi {
     extern "Rust" {
         fn summed_warnings(warnings: Vec<PrimWarning>) -> Result<Vec<String>>;
         fn scene_may_set(key: &str) -> bool;
+        fn unknown_setting(key: &str) -> String;
         fn max_clip_planes() -> usize;
         fn set_on_command_line(name: &str, text: &str) -> Result<()>;
 
         fn begin_picture(folder: &str) -> Result<bool>;
         fn picture_rendered() -> Result<()>;
+        fn annotate_picture(path: &str) -> Result<()>;
         fn interrupt() -> Result<bool>;
         fn interrupted() -> Result<InterruptState>;
     }

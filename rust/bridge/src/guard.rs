@@ -21,6 +21,9 @@ pub(crate) enum BridgeError {
     /// A setting was refused.
     #[error(transparent)]
     Setting(#[from] oocpt_core::settings::SettingError),
+    /// The file of a picture was not changed.
+    #[error(transparent)]
+    Picture(#[from] oocpt_render::picture::PictureError),
 }
 
 /// Runs the body of a bridge function; a panic in it becomes an error.

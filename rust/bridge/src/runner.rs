@@ -50,7 +50,7 @@ fn state() -> MutexGuard<'static, RunnerState> {
 
 impl RunnerState {
     /// The first answer of a session that has rendered for the picture under way.
-    fn of_picture(&self, ask: impl Fn(&Session, u64) -> Option<EarlyEnd>) -> Option<EarlyEnd> {
+    fn of_picture<T>(&self, ask: impl Fn(&Session, u64) -> Option<T>) -> Option<T> {
         self.sessions.iter().find_map(|(session, after)| ask(&*session.upgrade()?, *after))
     }
 
@@ -91,6 +91,17 @@ pub(crate) fn picture_rendered() -> Result<(), BridgeError> {
     guard("picture_rendered", || {
         state().phase = RunnerPhase::Writing;
         Ok(())
+    })
+}
+
+/// Adds to the EXR file `path` of the picture under way how it was made; it stays as it is if that fails.
+pub(crate) fn annotate_picture(path: &str) -> Result<(), BridgeError> {
+    guard("annotate_picture", || {
+        let attributes =
+            state().of_picture(|session, after| (session.generation() > after).then(|| session.picture_attributes()));
+        // Another renderer's picture.
+        let Some(attributes) = attributes else { return Ok(()) };
+        Ok(oocpt_render::picture::annotate(Path::new(path), &attributes)?)
     })
 }
 

@@ -7,11 +7,12 @@ mod host_mapped;
 mod table;
 mod traversal;
 
+use crate::pixel_filter::PixelFilterKind;
 use crate::residency::PolicyKind;
 pub use error::SettingError;
 pub use host_mapped::HostMapped;
 pub use table::{SettingAudience, SettingScope, Settings};
-use table::{SettingField, TABLE};
+use table::{SettingField, TABLE, unknown};
 pub use traversal::TraversalKind;
 
 /// A setting's value as hosts give it.
@@ -79,6 +80,10 @@ impl Settings {
             SettingField::HostMapped(field) => {
                 *field = choice(key, &value, HostMapped::named, || HostMapped::ALL.map(HostMapped::name).to_vec())?;
             }
+            SettingField::PixelFilter(field) => {
+                let allowed = || PixelFilterKind::ALL.map(PixelFilterKind::name).to_vec();
+                *field = choice(key, &value, PixelFilterKind::named, allowed)?;
+            }
         }
         Ok(*self != before)
     }
@@ -95,6 +100,7 @@ impl Settings {
             SettingField::Policy(v) => SettingValue::Text(v.name().to_owned()),
             SettingField::Traversal(v) => SettingValue::Text(v.name().to_owned()),
             SettingField::HostMapped(v) => SettingValue::Text(v.name().to_owned()),
+            SettingField::PixelFilter(v) => SettingValue::Text(v.name().to_owned()),
         })
     }
 
@@ -115,16 +121,13 @@ impl Settings {
     /// The key of the setting that a user means by `name`: the key itself, or the key without `oocpt:`.
     ///
     /// # Errors
-    /// [`SettingError::Misspelt`] with the nearest key.
+    /// [`SettingError::Unknown`] with the nearest key.
     pub fn key_named(name: &str) -> Result<&'static str, SettingError> {
         let bare = |key: &'static str| key.strip_prefix("oocpt:").unwrap_or(key);
         if let Some(row) = TABLE.iter().find(|row| row.key == name || bare(row.key) == name) {
             return Ok(row.key);
         }
-        let wanted = name.strip_prefix("oocpt:").unwrap_or(name).to_lowercase();
-        let distance = |row: &&table::Row| strsim::damerau_levenshtein(&bare(row.key).to_lowercase(), &wanted);
-        let nearest = TABLE.iter().min_by_key(distance).map_or("", |row| row.key);
-        Err(SettingError::Misspelt { name: name.to_owned(), nearest })
+        Err(unknown(name))
     }
 
     /// The scope of the setting `key`; `None` for an unknown key.

@@ -7,11 +7,8 @@ use super::SettingValue;
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SettingError {
     /// There is no setting of this name.
-    #[error("unknown setting {0:?}")]
-    Unknown(String),
-    /// There is no setting of this name, but one with a similar name.
     #[error("there is no setting {name}; did you mean {nearest}?")]
-    Misspelt {
+    Unknown {
         /// The name as given.
         name: String,
         /// Key of the setting with the nearest name.

@@ -5,6 +5,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::{HostMapped, SettingError, TraversalKind};
+use crate::pixel_filter::{PixelFilter, PixelFilterKind};
 use crate::residency::PolicyKind;
 
 /// The users to whom a setting is shown.
@@ -65,10 +66,27 @@ pub(super) enum SettingField<'a> {
     Policy(&'a mut PolicyKind),
     Traversal(&'a mut TraversalKind),
     HostMapped(&'a mut HostMapped),
+    PixelFilter(&'a mut PixelFilterKind),
 }
 
 /// Largest number of samples per pixel: sample indices stay exact in f32.
 const MAX_SAMPLES: u32 = 1 << 24;
+
+/// Most characters of an unknown name that are compared with those of settings.
+const LONGEST_NAME: usize = 64;
+
+/// Largest number of bounces, of any kind and of all together.
+const MAX_BOUNCES: u32 = 1024;
+
+/// The error about a name that no setting has: it says the key that is nearest to it.
+pub(super) fn unknown(name: &str) -> SettingError {
+    let bare = |key: &str| key.strip_prefix("oocpt:").unwrap_or(key).to_lowercase();
+    // Names come from strangers, and the distance takes time by their length.
+    let wanted: String = bare(name).chars().take(LONGEST_NAME).collect();
+    let distance = |row: &&Row| strsim::damerau_levenshtein(&bare(row.key), &wanted);
+    let nearest = TABLE.iter().min_by_key(distance).map_or("", |row| row.key);
+    SettingError::Unknown { name: name.to_owned(), nearest }
+}
 
 /// Declares the settings. A row is the only declaration of a setting: its check, its field, type, default and the parts
 /// that its help leaves out (a second key of a field has none), its audience, who may set it, Hydra's key, the
@@ -100,7 +118,7 @@ macro_rules! settings {
             pub(super) fn field(&mut self, key: &str) -> Result<SettingField<'_>, SettingError> {
                 Ok(match key {
                     $($key => SettingField::$kind(&mut self.$field $(, $bound)*),)+
-                    _ => return Err(SettingError::Unknown(key.to_owned())),
+                    _ => return Err(unknown(key)),
                 })
             }
         }
@@ -121,7 +139,7 @@ settings! {
     Int(samples_per_pixel, 1, MAX_SAMPLES): u32 = 64;
         User Scene "oocpt:samplesPerPixel" "OOCPT_SAMPLES_PER_PIXEL" "Samples per pixel"
         "Samples per pixel to converge at";
-    Int(max_bounces, 0, 1024): u32 = 5;
+    Int(max_bounces, 0, MAX_BOUNCES): u32 = 5;
         User Scene "oocpt:maxBounces" "OOCPT_MAX_BOUNCES" "Max bounces"
         "Indirect bounces; 0 = direct light only";
     Int(seed, 0, u32::MAX): u32 = 0;
@@ -201,6 +219,21 @@ settings! {
         User Machine "oocpt:pipelineCache" "OOCPT_PIPELINE_CACHE" "Pipeline cache"
         "Folder in which the driver's compiled passes are kept; 0 = none; empty = oocpt/pipelines in the user's \
          cache folder";
+    Int(max_diffuse_bounces, 0, MAX_BOUNCES): u32 = MAX_BOUNCES;
+        User Scene "oocpt:maxDiffuseBounces" "OOCPT_MAX_DIFFUSE_BOUNCES" "Max diffuse bounces"
+        "Most bounces of a path off diffuse lobes, of those that oocpt:maxBounces allows";
+    Int(max_specular_bounces, 0, MAX_BOUNCES): u32 = MAX_BOUNCES;
+        User Scene "oocpt:maxSpecularBounces" "OOCPT_MAX_SPECULAR_BOUNCES" "Max specular bounces"
+        "Most bounces of a path off specular lobes, of those that oocpt:maxBounces allows";
+    Int(max_transmission_bounces, 0, MAX_BOUNCES): u32 = MAX_BOUNCES;
+        User Scene "oocpt:maxTransmissionBounces" "OOCPT_MAX_TRANSMISSION_BOUNCES" "Max transmission bounces"
+        "Most bounces of a path through surfaces, of those that oocpt:maxBounces allows";
+    PixelFilter(pixel_filter): PixelFilterKind = PixelFilterKind::Box;
+        User Scene "oocpt:pixelFilter" "OOCPT_PIXEL_FILTER" "Pixel filter"
+        "Filter of the pixels: box, triangle, gaussian, blackman-harris or mitchell";
+    Float(pixel_filter_width, 0.0, 64.0): f32 = 0.0;
+        User Scene "oocpt:pixelFilterWidth" "OOCPT_PIXEL_FILTER_WIDTH" "Pixel filter width"
+        "Full width of the filter in pixels; 0 = 1, 2, 3, 3 or 4, as usual for it";
     Int(samples_per_pixel, 1, MAX_SAMPLES);
         User Host "convergedSamplesPerPixel" "OOCPT_CONVERGED_SAMPLES_PER_PIXEL" "Converged samples"
         "As oocpt:samplesPerPixel";
@@ -213,6 +246,14 @@ settings! {
     Bool(enable_scene_lights): bool = true;
         User Host "enableSceneLights" "OOCPT_ENABLE_SCENE_LIGHTS" "Scene lights"
         "Use the lights of the scene";
+}
+
+impl Settings {
+    /// The filter of the pixels.
+    #[must_use]
+    pub fn filter(&self) -> PixelFilter {
+        PixelFilter::new(self.pixel_filter, self.pixel_filter_width)
+    }
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Settings: bounds, types, names.
 
+use oocpt_core::pixel_filter::PixelFilterKind;
 use oocpt_core::residency::PolicyKind;
 use oocpt_core::settings::TraversalKind;
 use oocpt_core::{SettingAudience, SettingError, SettingValue, Settings};
@@ -74,6 +75,23 @@ fn traversal_goes_by_name_and_a_wrong_name_lists_the_right_ones() {
 }
 
 #[test]
+fn pixel_filters_go_by_name_and_their_width_is_bounded() {
+    let mut settings = Settings::default();
+    assert!(settings.filter().is_plain(), "the default");
+    for kind in PixelFilterKind::ALL {
+        settings.set("oocpt:pixelFilter", SettingValue::Text(kind.name().into())).expect("a name of the list");
+        assert_eq!((settings.filter().kind, settings.filter().width), (kind, kind.usual_width()), "its usual width");
+    }
+    let error = settings.set("oocpt:pixelFilter", SettingValue::Text("sinc".into())).expect_err("none of them");
+    assert!(error.to_string().contains("box, triangle, gaussian, blackman-harris, mitchell"), "{error}");
+    assert_eq!(settings.set("oocpt:pixelFilterWidth", SettingValue::Float(1e-3)), Ok(true), "tiny");
+    assert_eq!(settings.set("oocpt:pixelFilterWidth", SettingValue::Int(64)), Ok(true), "huge");
+    let error = settings.set("oocpt:pixelFilterWidth", SettingValue::Float(64.5)).expect_err("too much");
+    assert!(error.to_string().contains("outside 0 to 64"), "{error}");
+    assert!((settings.filter().width - 64.0).abs() < 1e-6, "it stays");
+}
+
+#[test]
 fn a_report_has_any_name() {
     let mut settings = Settings::default();
     assert_eq!(settings.set("oocpt:chunkReport", SettingValue::Text("/tmp/a b.json".into())), Ok(true), "any name");
@@ -113,6 +131,11 @@ fn settings_are_listed_in_order() {
         "oocpt:geometryCache",
         "oocpt:geometryCacheSize",
         "oocpt:pipelineCache",
+        "oocpt:maxDiffuseBounces",
+        "oocpt:maxSpecularBounces",
+        "oocpt:maxTransmissionBounces",
+        "oocpt:pixelFilter",
+        "oocpt:pixelFilterWidth",
     ];
     assert_eq!(keys[..ours.len()], ours, "the order");
     assert!(keys[ours.len()..].iter().all(|key| !key.starts_with("oocpt:")), "{keys:?}");
@@ -136,6 +159,11 @@ fn settings_are_listed_in_order() {
         "OOCPT_GEOMETRY_CACHE",
         "OOCPT_GEOMETRY_CACHE_SIZE",
         "OOCPT_PIPELINE_CACHE",
+        "OOCPT_MAX_DIFFUSE_BOUNCES",
+        "OOCPT_MAX_SPECULAR_BOUNCES",
+        "OOCPT_MAX_TRANSMISSION_BOUNCES",
+        "OOCPT_PIXEL_FILTER",
+        "OOCPT_PIXEL_FILTER_WIDTH",
     ];
     assert_eq!(ours[7..].iter().filter_map(|key| Settings::env_name(key)).collect::<Vec<_>>(), names, "variables");
 }
@@ -177,7 +205,9 @@ fn wrong_types_are_refused() {
         let result = settings.set("oocpt:clamp", SettingValue::Float(value));
         assert!(matches!(result, Err(SettingError::Range { .. })), "{value}: {result:?}");
     }
-    assert_eq!(settings.set("oocpt:nothing", SettingValue::Int(1)), Err(SettingError::Unknown("oocpt:nothing".into())));
+    let unknown = settings.set("oocpt:maxDifuseBounces", SettingValue::Int(1)).expect_err("no such setting");
+    let said = "there is no setting oocpt:maxDifuseBounces; did you mean oocpt:maxDiffuseBounces?";
+    assert_eq!(unknown.to_string(), said, "the nearest name");
     assert_eq!(settings, Settings::default());
 }
 
@@ -202,7 +232,7 @@ fn every_descriptor_can_be_set_to_its_default_and_has_an_own_variable() {
         let name = Settings::env_name(descriptor.key).unwrap();
         assert!(name.starts_with("OOCPT_") && names.insert(name), "{name}");
     }
-    assert_eq!(names.len(), 30);
+    assert_eq!(names.len(), 35);
     assert_eq!(Settings::env_name("oocpt:samplesPerPixel"), Some("OOCPT_SAMPLES_PER_PIXEL"));
     assert_eq!(Settings::env_name("other"), None);
 }

@@ -18,7 +18,7 @@ use crate::device::PassSpecialisation;
 use crate::error::RenderError;
 use crate::frame::block::frame_block;
 use crate::frame::camera_blocks;
-use crate::frame::context::{FrameContext, is_cpu, maps_host};
+use crate::frame::context::{FrameContext, is_cpu, limits_kinds, maps_host};
 use crate::frame::inventory::{self, CompiledPasses};
 use crate::frame::progress::FrameProgress;
 use crate::frame::specialise;
@@ -49,8 +49,8 @@ pub(crate) struct WavefrontTracer<'a> {
     /// The frame block, and behind it the word that cancels.
     frame: Buffer,
     can_cancel: bool,
-    /// Keys of a camera that moves, and its clipping planes: the frame block has their addresses.
-    _camera: [Option<Buffer>; 2],
+    /// Keys of a camera that moves, its clipping planes, the filter of its pixels: the frame block has their addresses.
+    _camera: [Option<Buffer>; 3],
 }
 
 /// What a frame is compiled for.
@@ -80,6 +80,8 @@ impl CompiledFeatures {
         needed.set(Features::SHADED_AOVS, film.has_shaded_planes());
         needed.set(Features::CLIPPING, !context.clip_planes.is_empty());
         needed.set(Features::ADAPTIVE, film.adaptive().is_some());
+        needed.set(Features::PIXEL_FILTER, film.has_color() && !job.settings.filter().is_plain());
+        needed.set(Features::BOUNCE_KINDS, limits_kinds(&job.settings));
         needed.set(Features::STREAMING, streams);
         // While streaming a ray waits for the texture of a cutout as it does for chunks.
         let walks_natively = is_cpu(context.device) && job.settings.traversal != TraversalKind::Compute;
@@ -128,7 +130,7 @@ impl<'a> WavefrontTracer<'a> {
         let passes = WavefrontPasses::new(device, (special, backend), film, &mut progress.timings)?;
         let mut block = frame_block(context, view);
         [block.bsdf_tables, block.sheen_tables] = device.bsdf_tables(features)?; // before the list of what there is
-        let camera = camera_blocks::upload(context, &mut block, &mut listed)?;
+        let camera = camera_blocks::upload(context, features, &mut block, &mut listed)?;
         let inventory =
             inventory::of_frame(context, CompiledPasses { passes: &passes, special, carried, backend }, listed);
         progress.made_of(specialise::left_out(features, film.has_planes()), inventory);

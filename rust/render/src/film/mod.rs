@@ -2,8 +2,10 @@
 //! The images of a frame on the device and their way to the host.
 
 pub(crate) mod adaptive;
+mod exr_header;
 pub(crate) mod measure;
 pub mod picture;
+mod picture_attribute;
 pub(crate) mod reference;
 
 use crate::error::RenderError;

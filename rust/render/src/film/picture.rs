@@ -2,45 +2,24 @@
 //! Pictures as EXR files that say how they were made: `oocpt:` attributes with the time they took, their samples and
 //! rays, and their estimated error. Linear light, four 32-bit floats a pixel, colour premultiplied by alpha.
 //!
-//! Hosts write the files of their own renders, and Hydra gives a render buffer no way to pass attributes to them; for
-//! those, the same numbers are in the report that `oocpt:report` names. Files that are read may come from strangers:
-//! only a bounded part of their headers is read. Any thread.
+//! Hosts write the files of their own renders, and Hydra gives a render buffer no way to pass attributes to them: our
+//! `usdrecord` has them added ([`annotate`]), and for others the same numbers are in the report that `oocpt:report`
+//! names. Files that are read may come from strangers: only a bounded part of their headers is read. Any thread.
 
+use super::exr_header;
+use super::picture_attribute::PREFIX;
+pub use super::picture_attribute::{PictureAttribute, PictureAttributes};
 use exr::meta::attribute::{AttributeValue, Text};
 use exr::prelude::{Encoding, Image, Layer, LayerAttributes, MetaData, SpecificChannels, Vec2, WritableImage as _};
+use oocpt_core::settings::Settings;
 use oocpt_core::stats::{ErrorRow, RenderStats};
-use serde::Serialize;
 use std::io::{BufReader, BufWriter};
 use std::path::Path;
 
-/// The prefix of our attributes' names.
-const PREFIX: &str = "oocpt:";
 /// Most attributes that are read.
 const MOST: usize = 64;
 /// Longest text of an attribute that is read, characters.
 const LONGEST: usize = 400;
-
-/// An attribute's value.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-#[serde(untagged)]
-pub enum PictureAttribute {
-    /// A text.
-    Text(String),
-    /// A number; counts are exact below 2^53.
-    Number(f64),
-}
-
-impl std::fmt::Display for PictureAttribute {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::Text(text) => f.write_str(text),
-            Self::Number(number) => write!(f, "{number}"),
-        }
-    }
-}
-
-/// The attributes of a picture: names without `oocpt:`, and values.
-pub type PictureAttributes = Vec<(String, PictureAttribute)>;
 
 /// The reasons why a picture was not written or read.
 #[derive(Debug, thiserror::Error)]
@@ -55,13 +34,7 @@ pub enum PictureError {
 
 /// Collects the attributes of a finished render's picture.
 #[expect(clippy::cast_precision_loss, reason = "counts are exact below 2^53")]
-pub(crate) fn attributes(
-    stats: &RenderStats,
-    device: &str,
-    driver: &str,
-    seed: u32,
-    max_bounces: u32,
-) -> PictureAttributes {
+pub(crate) fn attributes(stats: &RenderStats, device: &str, driver: &str, settings: &Settings) -> PictureAttributes {
     let ErrorRow { samples, seconds, seconds_tracing, rays, estimate, bytes_paged, truth, .. } =
         stats.error.clone().unwrap_or_else(|| ErrorRow {
             samples: stats.samples_completed,
@@ -75,13 +48,17 @@ pub(crate) fn attributes(
         text("renderer", &format!("OocPT {}", env!("CARGO_PKG_VERSION"))),
         text("device", device),
         text("driver", driver),
-        number("seed", f64::from(seed)),
-        number("maxBounces", f64::from(max_bounces)),
+        number("seed", f64::from(settings.seed)),
+        number("maxBounces", f64::from(settings.max_bounces)),
+        text("pixelFilter", settings.pixel_filter.name()),
+        number("pixelFilterWidth", f64::from(settings.filter().width)),
         number("samples", f64::from(samples)),
         number("seconds", seconds),
         number("secondsTracing", seconds_tracing),
         number("rays", rays as f64),
         number("bytesPaged", bytes_paged as f64),
+        number("loads", stats.streaming.loads as f64),
+        number("deviceBytes", stats.gpu_peak_bytes as f64),
     ];
     if let Some(estimate) = estimate {
         all.push(number("errorEstimate", estimate.rel_mse));
@@ -126,6 +103,14 @@ pub fn write(path: &Path, size: [u32; 2], rgba: &[f32], attributes: &PictureAttr
     written.map_err(|error| PictureError::File(path.display().to_string(), error.to_string()))
 }
 
+/// Adds attributes to an EXR file that a host has written; all else of it stays as it is.
+///
+/// # Errors
+/// [`PictureError::File`]; the file stays as it is.
+pub fn annotate(path: &Path, attributes: &PictureAttributes) -> Result<(), PictureError> {
+    exr_header::add(path, attributes).map_err(|error| PictureError::File(path.display().to_string(), error.to_string()))
+}
+
 /// Reads the `oocpt:` attributes of an EXR file, sorted by name; a file without any was not made by OocPT.
 ///
 /// # Errors
@@ -168,6 +153,11 @@ mod tests {
         all.iter().find(|(have, _)| have == name).map(|(_, value)| value)
     }
 
+    fn of_stats(stats: &RenderStats) -> PictureAttributes {
+        let settings = Settings { seed: u32::MAX, ..Settings::default() };
+        attributes(stats, "a\u{7}device", "a driver", &settings)
+    }
+
     #[test]
     fn exr_attributes_are_added_without_changing_pixels() {
         let estimate = Some(ErrorEstimate { rel_mse: 1e-3, low: 5e-4, high: 2e-3 });
@@ -182,7 +172,7 @@ mod tests {
         let stats = RenderStats { error: Some(row), ..RenderStats::default() };
         let path = std::env::temp_dir().join(format!("oocpt-picture-{}.exr", std::process::id()));
         let pixels: Vec<f32> = (0_u8..24).map(|k| f32::from(k) / 7.0).collect();
-        write(&path, [2, 3], &pixels, &attributes(&stats, "a\u{7}device", "a driver", u32::MAX, 5)).expect("a file");
+        write(&path, [2, 3], &pixels, &of_stats(&stats)).expect("a file");
         let read = read_attributes(&path).expect("the file that was written");
         for (name, number) in [("samples", 16.0), ("seconds", 1.5), ("secondsTracing", 1.25), ("errorHigh", 2e-3)] {
             assert_eq!(find(&read, name), Some(&PictureAttribute::Number(number)), "{name}");

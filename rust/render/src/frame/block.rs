@@ -2,7 +2,7 @@
 //! Builds the frame block: camera, lights, settings and addresses, which every pass reads.
 
 use crate::assets::SceneView;
-use crate::frame::context::FrameContext;
+use crate::frame::context::{FrameContext, kind_limits};
 use bytemuck::Zeroable;
 use oocpt_abi::{FrameConstants, FrameFlags};
 
@@ -55,6 +55,7 @@ pub(crate) fn frame_block(context: &FrameContext<'_>, scene: &SceneView) -> Fram
         height: job.request.height,
         seed: job.settings.seed,
         max_bounces: job.settings.max_bounces,
+        kind_limits: kind_limits(&job.settings),
         flags: flags.bits(),
         most_walkers: MOST_WALKERS,
         materials: scene.materials,

@@ -1,21 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Uploads the parts of the camera that the frame block points to: its motion and its clipping planes, as
-//! `shaders/camera/camera.glsl` reads them. Render thread only.
+//! Uploads the parts of the camera that the frame block points to: its motion, its clipping planes and the filter of
+//! its pixels, as `shaders/camera` reads them. Render thread only.
 
 use crate::assets::motion_key;
 use crate::error::RenderError;
 use crate::frame::context::FrameContext;
-use oocpt_abi::{FrameConstants, GpuCameraKey};
+use oocpt_abi::{FILTER_INTERVALS, Features, FrameConstants, GpuCameraKey};
 use oocpt_core::inventory::RenderInventory;
 use oocpt_core::{CameraMotion, MotionKey};
 use oocpt_gpu::{Buffer, BufferUsage};
 
-/// Uploads motion and clipping planes, if there are any, and writes their addresses into the block.
+/// Uploads motion, clipping planes and filter, if there are any, and writes their addresses into the block.
 pub(crate) fn upload(
     context: &FrameContext<'_>,
+    features: Features,
     block: &mut FrameConstants,
     listed: &mut RenderInventory,
-) -> Result<[Option<Buffer>; 2], RenderError> {
+) -> Result<[Option<Buffer>; 3], RenderError> {
     let mut upload = |name: &str, bytes: &[u8]| -> Result<Option<Buffer>, RenderError> {
         if bytes.is_empty() {
             return Ok(None);
@@ -31,7 +32,15 @@ pub(crate) fn upload(
     block.clip_planes = planes.as_ref().map_or(0, Buffer::address);
     // At most MAX_CLIP_PLANES.
     block.clip_plane_count = u32::try_from(context.clip_planes.len()).unwrap_or(0);
-    Ok([motion, planes])
+    let filter =
+        features.contains(Features::PIXEL_FILTER).then(|| context.job.settings.filter().table(FILTER_INTERVALS));
+    let offsets = filter.as_ref().map_or(&[][..], |table| &table.offsets);
+    let offsets = upload("pixel filter", bytemuck::cast_slice(offsets))?;
+    block.pixel_filter = offsets.as_ref().map_or(0, Buffer::address);
+    if let Some(table) = filter {
+        (block.filter_weight, block.filter_negative_from) = (table.weight, table.negative_from);
+    }
+    Ok([motion, planes, offsets])
 }
 
 /// The header and the keys behind it.

@@ -94,6 +94,16 @@ pub(crate) fn has_light_paths(context: &FrameContext<'_>) -> bool {
     light_features(context).intersects(near | Features::LIGHT_LINKS | Features::LIGHT_LOBES)
 }
 
+/// Most bounces of each kind: diffuse, specular, transmission.
+pub(crate) fn kind_limits(settings: &Settings) -> [u32; 3] {
+    [settings.max_diffuse_bounces, settings.max_specular_bounces, settings.max_transmission_bounces]
+}
+
+/// Returns true if some kind of bounce may end paths before `max_bounces` does.
+pub(crate) fn limits_kinds(settings: &Settings) -> bool {
+    kind_limits(settings).iter().any(|limit| *limit < settings.max_bounces)
+}
+
 /// Returns true if rays may read geometry in host memory where the device has no room for it.
 pub(crate) fn maps_host(device: &Device, settings: &Settings) -> bool {
     let is_wanted = match settings.host_mapped {

@@ -2,7 +2,7 @@
 //! The device memory that a scene in core needs beside its geometry. Pure.
 
 use crate::assets::DeviceScene;
-use crate::frame::context::{FrameContext, has_light_paths, has_shadow_rays, in_flight};
+use crate::frame::context::{FrameContext, has_light_paths, has_shadow_rays, in_flight, limits_kinds};
 use crate::wavefront::PathNeeds;
 
 /// Waves leave one part in so many of the unused memory to others.
@@ -36,6 +36,7 @@ pub(crate) fn path_needs(context: &FrameContext<'_>, textures: bool, deferred_cu
         light_paths: has_light_paths(context),
         feedback: textures,
         deferred_cutouts,
+        bounce_kinds: limits_kinds(&context.job.settings),
     }
 }
 

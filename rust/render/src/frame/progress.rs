@@ -17,7 +17,7 @@ use crate::job::shared::SharedState;
 use crate::job::timings::RenderTimings;
 use crate::report::closing_words;
 use crate::report::error_log::{ErrorLog, RowMoment};
-use crate::report::progress_bar::ProgressBar;
+use crate::report::progress_bar::{BarState, ProgressBar};
 use crate::sync::lock;
 use crate::wave::{LAST_SLOT, Wave, next_boundary};
 use oocpt_abi::WavefrontCounters;
@@ -256,11 +256,18 @@ impl<'a> FrameProgress<'a> {
         stats.host_peak_bytes = host_memory::peak();
         stats.annotation = format!("sample {} of {}", stats.samples_completed, self.samples);
         let samples = stats.samples_completed;
+        let state = BarState {
+            done: self.done as f64 / self.total_paths().max(1) as f64,
+            needed: self.log.needed_share(self.samples, stats.error.as_ref()),
+            elapsed: self.started.elapsed(),
+            limit: self.limit,
+            samples: [samples, self.samples],
+            rel_mse: stats.error.as_ref().and_then(|row| row.estimate).map(|estimate| estimate.rel_mse),
+        };
         drop(stats);
         *lock(&self.shared.reached) = (self.generation, samples);
-        let done = self.done as f64 / self.total_paths().max(1) as f64;
         if let Some(bar) = &mut self.bar {
-            bar.draw(done, self.started.elapsed(), samples, self.samples);
+            bar.draw(&state);
         }
     }
 

@@ -117,6 +117,14 @@ impl ErrorLog {
         self.is_good
     }
 
+    /// The share of `samples` per pixel that the target error is expected to take, if the error falls as the number of
+    /// samples grows; 1 without a target or before there is an estimate.
+    pub(crate) fn needed_share(&self, samples: u32, row: Option<&ErrorRow>) -> f64 {
+        let estimate = row.and_then(|row| Some((row.samples, row.estimate?)));
+        let Some((taken, estimate)) = estimate.filter(|_| self.target > 0.0) else { return 1.0 };
+        needed_samples(taken, estimate.high / self.target) / f64::from(samples.max(1))
+    }
+
     /// Takes the measurement of `octave`, or of the end.
     pub(crate) fn row(
         &mut self,
@@ -191,6 +199,12 @@ impl ErrorLog {
     }
 }
 
+/// Samples after which a render stops whose error after `taken` of them is so many times the target: a power of two.
+fn needed_samples(taken: u32, excess: f64) -> f64 {
+    let fewest = f64::from(1_u32 << FEWEST_TO_STOP);
+    (f64::from(taken) * excess.max(0.0)).max(fewest).log2().ceil().exp2()
+}
+
 fn begin(shared: &SharedState, job: &RenderJob, file: &str) -> std::io::Result<ReportWriter> {
     let settings = &job.settings;
     let header = ErrorReportHeader {
@@ -212,4 +226,17 @@ fn begin(shared: &SharedState, job: &RenderJob, file: &str) -> std::io::Result<R
         reports.push(file.to_owned());
     }
     Ok(writer)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::needed_samples;
+
+    #[test]
+    fn a_target_takes_a_power_of_two_of_samples() {
+        let told = |taken, excess| needed_samples(taken, excess);
+        assert!((told(64, 3.0) - 256.0).abs() < 1e-9, "192 are not enough to stop");
+        assert!((told(64, 0.9) - 64.0).abs() < 1e-9, "it is reached");
+        assert!((told(2, 0.1) - 16.0).abs() < 1e-9, "no render stops before");
+    }
 }

@@ -289,7 +289,7 @@ impl Session {
     pub fn picture_attributes(&self) -> picture::PictureAttributes {
         let settings = self.settings();
         let device = self.device_report().map(|device| (device.name, device.driver)).unwrap_or_default();
-        picture::attributes(&self.stats(), &device.0, &device.1, settings.seed, settings.max_bounces)
+        picture::attributes(&self.stats(), &device.0, &device.1, &settings)
     }
 
     /// Where the time of the last finished render went.

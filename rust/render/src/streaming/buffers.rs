@@ -327,8 +327,8 @@ fn sorted(needs: StreamingNeeds) -> u32 {
 
 /// The needs of the paths in slots.
 fn path_needs(needs: StreamingNeeds) -> PathNeeds {
-    let StreamingNeeds { textures, light_paths, shadows, .. } = needs;
-    PathNeeds { shadows, textures, light_paths, feedback: false, deferred_cutouts: false }
+    let StreamingNeeds { textures, light_paths, shadows, bounce_kinds, .. } = needs;
+    PathNeeds { shadows, textures, light_paths, feedback: false, deferred_cutouts: false, bounce_kinds }
 }
 
 /// Bytes of device memory that a slot takes, at most.
@@ -368,6 +368,7 @@ mod tests {
                 shadows,
                 roulette: false,
                 visits: false,
+                bounce_kinds: shadows && materials,
             };
             // The largest number of places is assumed, eight a slot.
             let of = |capacity: u32| {

@@ -35,7 +35,7 @@ use crate::device::Device;
 use crate::engine::{self, CompiledFeatures, WavefrontTracer};
 use crate::error::RenderError;
 use crate::frame::context::{
-    FrameContext, geometry_cap, has_light_paths, has_shadow_rays, is_cpu, maps_host, shrinking,
+    FrameContext, geometry_cap, has_light_paths, has_shadow_rays, is_cpu, limits_kinds, maps_host, shrinking,
 };
 use crate::frame::in_core::{LEFT_BY_WAVES, roomy_waves};
 use crate::frame::progress::FrameProgress;
@@ -200,6 +200,7 @@ fn make_buffers(
         shadows: has_shadow_rays(context),
         roulette: job.settings.straggler_roulette,
         visits: maps_host(device, &job.settings),
+        bounce_kinds: limits_kinds(&job.settings),
     };
     let most = if leaves_soon(job) { FEWEST_PATHS } else { most_paths(context) };
     let paths = job.request.pixels() * u64::from(job.settings.samples_per_pixel);

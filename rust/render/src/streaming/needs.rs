@@ -28,6 +28,8 @@ pub(crate) struct StreamingNeeds {
     pub(crate) roulette: bool,
     /// True if the rays that enter each chunk and mesh are counted.
     pub(crate) visits: bool,
+    /// True if some kind of bounce has a limit of its own.
+    pub(crate) bounce_kinds: bool,
 }
 
 impl StreamingNeeds {

@@ -29,6 +29,8 @@ pub(crate) struct PathNeeds {
     pub(crate) feedback: bool,
     /// Queues of the rays that depend on cutouts that no mask decides.
     pub(crate) deferred_cutouts: bool,
+    /// Counts of bounces by kind: some kind has a limit of its own.
+    pub(crate) bounce_kinds: bool,
 }
 
 impl PathNeeds {
@@ -64,10 +66,11 @@ enum PathArray {
     SettleQueue,
     /// The candidates of these rays.
     SettleHits,
+    BounceKinds,
 }
 
 impl PathArray {
-    const ALL: [Self; 15] = [
+    const ALL: [Self; 16] = [
         Self::Rays,
         Self::ShadowRays,
         Self::Hits,
@@ -83,6 +86,7 @@ impl PathArray {
         Self::IncompletePaths,
         Self::SettleQueue,
         Self::SettleHits,
+        Self::BounceKinds,
     ];
 
     fn name(self) -> &'static str {
@@ -102,6 +106,7 @@ impl PathArray {
             Self::IncompletePaths => "incomplete_paths",
             Self::SettleQueue => "settle_queue",
             Self::SettleHits => "settle_hits",
+            Self::BounceKinds => "bounce_kinds",
         }
     }
 
@@ -122,7 +127,8 @@ impl PathArray {
             | Self::ShadowQueue
             | Self::SurfaceQueue
             | Self::EscapedQueue
-            | Self::IncompletePaths => 4,
+            | Self::IncompletePaths
+            | Self::BounceKinds => 4,
         };
         stride * u64::from(capacity)
     }
@@ -134,6 +140,7 @@ impl PathArray {
             Self::LightPaths => needs.light_paths,
             Self::IncompletePaths => needs.feedback,
             Self::SettleQueue | Self::SettleHits => needs.deferred_cutouts,
+            Self::BounceKinds => needs.bounce_kinds,
             Self::Rays
             | Self::Hits
             | Self::Paths
@@ -232,6 +239,7 @@ impl PathBuffers {
         }
         frame.cones = at(PathArray::Cones);
         frame.light_paths = at(PathArray::LightPaths);
+        frame.bounce_kinds = at(PathArray::BounceKinds);
         frame.counters = self.counters.address();
     }
 }
@@ -250,10 +258,10 @@ mod tests {
     fn path_buffers_have_the_estimated_size() {
         let selector = std::env::var("OOCPT_TEST_DEVICE").ok();
         let gpu = Gpu::open(&OpenOptions { selector, ..OpenOptions::default() }).expect("a device");
-        for bits in 0..32_u32 {
-            let [shadows, textures, light_paths, feedback, deferred_cutouts] =
-                [0, 1, 2, 3, 4].map(|bit| bits >> bit & 1 == 1);
-            let needs = PathNeeds { shadows, textures, light_paths, feedback, deferred_cutouts };
+        for bits in 0..64_u32 {
+            let [shadows, textures, light_paths, feedback, deferred_cutouts, bounce_kinds] =
+                [0, 1, 2, 3, 4, 5].map(|bit| bits >> bit & 1 == 1);
+            let needs = PathNeeds { shadows, textures, light_paths, feedback, deferred_cutouts, bounce_kinds };
             for (capacity, levels) in [(1 << 12, 1), (5000, 2)] {
                 let made = PathBuffers::new(&gpu, capacity, levels, needs).expect("memory");
                 let bytes: u64 = made.arrays.iter().flatten().map(Buffer::size).sum();

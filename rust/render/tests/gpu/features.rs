@@ -12,6 +12,7 @@ use crate::support::{self, orthographic, read, request, settings};
 use glam::{DMat4, DVec3, DVec4};
 use oocpt_abi::Features;
 use oocpt_core::inventory::RenderInventory;
+use oocpt_core::pixel_filter::PixelFilterKind;
 use oocpt_core::scene::TransformSample;
 use oocpt_core::settings::{HostMapped, Settings};
 use oocpt_render::{AovKind, ForcedFeatures, PlantedFaults, Session, SessionOptions};
@@ -27,6 +28,8 @@ fn render(row: &Row, forced_features: ForcedFeatures) -> (RenderInventory, Vec<V
         if row.also == Also::ChunkReport { report.to_string_lossy().into_owned() } else { String::new() };
     let settings = Settings {
         adaptive_sampling: row.also == Also::Adaptive,
+        pixel_filter: if row.also == Also::Filter { PixelFilterKind::Gaussian } else { PixelFilterKind::Box },
+        max_diffuse_bounces: if row.also == Also::Kinds { 1 } else { Settings::default().max_diffuse_bounces },
         chunk_report,
         // Otherwise it would depend on the device.
         host_mapped: if row.also == Also::Mapped { HostMapped::On } else { HostMapped::Off },

@@ -13,7 +13,7 @@ use std::f64::consts::PI;
 /// Adds something to a scene.
 type Build<'a> = &'a dyn Fn(&mut SceneDb);
 
-fn surface(path: &str, params: &[(&str, ParamValue)]) -> MaterialDesc {
+pub(crate) fn surface(path: &str, params: &[(&str, ParamValue)]) -> MaterialDesc {
     let param = |(name, value): &(&str, ParamValue)| ParamDesc { name: (*name).into(), value: value.clone() };
     let node = NodeDesc {
         path: format!("{path}/surface").into(),
@@ -25,7 +25,7 @@ fn surface(path: &str, params: &[(&str, ParamValue)]) -> MaterialDesc {
 }
 
 /// A floor that reflects all, sharply or not.
-fn floor(db: &mut SceneDb, roughness: f32) {
+pub(crate) fn floor(db: &mut SceneDb, roughness: f32) {
     let floor = square(prim("/floor", DMat4::IDENTITY), 1, 0.5);
     db.upsert_mesh(MeshDesc { material: Some("/mirror".into()), ..floor });
     let params = [("metallic", 1.0), ("roughness", roughness)].map(|(name, value)| (name, ParamValue::Float(value)));

@@ -5,6 +5,7 @@
 
 mod adaptive;
 mod against_judge;
+mod bounce_kinds;
 mod bsdf;
 mod clipping;
 mod commits;
@@ -28,6 +29,7 @@ mod motion;
 mod motion_vectors;
 mod native_traversal;
 mod passes;
+mod pixel_filter;
 mod sample_counts;
 mod scenes;
 mod streaming;

@@ -114,6 +114,20 @@ pub(crate) const ROWS: &[Row] = &[
         also: Also::Adaptive,
         ..BARE
     },
+    Row {
+        what: "a limit of diffuse bounces",
+        features: &["BOUNCE_KINDS"],
+        buffers: &[&["bounce_kinds"]],
+        also: Also::Kinds,
+        ..BARE
+    },
+    Row {
+        what: "a filter of pixels",
+        features: &["PIXEL_FILTER"],
+        buffers: &[&["pixel filter"]],
+        also: Also::Filter,
+        ..BARE
+    },
     Row { what: "nesting", build: nested, features: &["INSTANCING"], ..BARE },
     Row {
         what: "a primvar by instance",

@@ -36,6 +36,8 @@ pub(crate) enum Also {
     Clips,
     Motion,
     Adaptive,
+    Kinds,
+    Filter,
     Depth,
     Albedo,
     Counts,

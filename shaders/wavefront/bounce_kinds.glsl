@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: Apache-2.0
+// Limits of bounces by kind, with BOUNCE_KINDS. A bounce is of the kind of the lobe that its ray was sampled from:
+// transmission if it goes through the surface, else diffuse or specular as for lights' multipliers; all of hair is
+// specular. Beyond its limit, as beyond max_bounces, a ray only looks for lights: they are direct light of the surface
+// that it has left.
+#ifndef OOCPT_BOUNCE_KINDS_GLSL
+#define OOCPT_BOUNCE_KINDS_GLSL
+
+#include "material/bsdf.glsl"
+
+const uint KIND_DIFFUSE = 0u;
+const uint KIND_SPECULAR = 1u;
+const uint KIND_TRANSMISSION = 2u;
+const uint KINDS_USED_UP = 0x80000000u;
+
+// The bounces of a path before its ray met something; 0 without BOUNCE_KINDS.
+uint path_kinds(uint path, uint bounce) {
+    if (!HAS_BOUNCE_KINDS || bounce == 0u) return 0u;
+    return ConstUints(FRAME.bounce_kinds).v[path];
+}
+
+uint bounces_of(uint kinds, uint kind) {
+    return bitfieldExtract(kinds, int(kind * BOUNCE_KIND_BITS), int(BOUNCE_KIND_BITS));
+}
+
+// Returns true if no further bounce of this kind is a surface's.
+bool is_used_up(uint kinds, uint kind) {
+    return HAS_BOUNCE_KINDS && bounces_of(kinds, kind) >= FRAME.kind_limits[kind];
+}
+
+// Returns true if the ray that has met a surface only looks for lights.
+bool only_looks_for_lights(uint bounce, uint kinds) {
+    return HAS_MATERIALS && (bounce > FRAME.max_bounces || (HAS_BOUNCE_KINDS && (kinds & KINDS_USED_UP) != 0u));
+}
+
+// Returns true if paths end at such a surface: a shadow ray accounts for all its light.
+bool ends_paths(const Bsdf bsdf, uint bounce, uint kinds) {
+    return (bounce >= FRAME.max_bounces || is_used_up(kinds, KIND_DIFFUSE)) && is_plain(bsdf);
+}
+
+// Counts the bounce that `u` has chosen the lobe of (bsdf_choose); `beyond`: it goes through the surface.
+void count_bounce(uint path, const Bsdf bsdf, float u, bool beyond, uint kinds) {
+    uint kind = KIND_SPECULAR;
+    if (!is_hair(bsdf)) {
+        float place = u;
+        if (is_plain(bsdf) || choose_lobe(bsdf.chance, place) == LOBE_DIFFUSE) kind = KIND_DIFFUSE;
+        if (beyond) kind = KIND_TRANSMISSION;
+    }
+    if (is_used_up(kinds, kind)) {
+        kinds |= KINDS_USED_UP;
+    } else if (bounces_of(kinds, kind) + 1u < 1u << BOUNCE_KIND_BITS) {
+        kinds += 1u << (kind * BOUNCE_KIND_BITS);
+    }
+    Uints(FRAME.bounce_kinds).v[path] = kinds;
+}
+
+#endif
