@@ -4,6 +4,7 @@
 //!
 //! Any thread; nothing blocks.
 
+use crate::job::commits::RenderControl;
 use crate::session::Session;
 use crate::sync::lock;
 
@@ -25,10 +26,10 @@ impl Session {
 
     /// Makes the newest job end with the samples that it has, as soon as the part of a wave under way is done;
     /// [`Session::is_converged`] then becomes true. Returns `None` and changes nothing if no job is newer than `after`,
-    /// or if not every pixel has a sample.
+    /// if the newest request waits for its commit, or if not every pixel has a sample.
     pub fn finish_early(&self, after: u64) -> Option<EarlyEnd> {
         let mut control = self.shared.control();
-        let early = self.early(control.generation, after, control.job.as_ref()?.settings.samples_per_pixel)?;
+        let early = self.early(&control, after)?;
         control.ends_early = control.generation;
         drop(control);
         self.shared.notify();
@@ -37,12 +38,13 @@ impl Session {
 
     /// The result that [`Session::finish_early`] would return, without ending the job.
     pub fn reached(&self, after: u64) -> Option<EarlyEnd> {
-        let control = self.shared.control();
-        self.early(control.generation, after, control.job.as_ref()?.settings.samples_per_pixel)
+        self.early(&self.shared.control(), after)
     }
 
-    fn early(&self, newest: u64, after: u64, target: u32) -> Option<EarlyEnd> {
+    fn early(&self, control: &RenderControl, after: u64) -> Option<EarlyEnd> {
+        let target = control.job.as_ref()?.settings.samples_per_pixel;
+        let newest = Some(control.generation).filter(|newest| *newest > after && !control.commits.is_awaited())?;
         let (generation, samples) = *lock(&self.shared.reached);
-        (newest > after && generation == newest && samples > 0).then_some(EarlyEnd { samples, target })
+        (generation == newest && samples > 0).then_some(EarlyEnd { samples, target })
     }
 }
