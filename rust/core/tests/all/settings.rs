@@ -99,46 +99,48 @@ fn a_report_has_any_name() {
     assert_eq!(settings.set("oocpt:chunkReport", SettingValue::Text(String::new())), Ok(true), "and none");
 }
 
+/// The settings of this renderer, in their order.
+const OURS: [&str; 31] = [
+    "oocpt:samplesPerPixel",
+    "oocpt:maxBounces",
+    "oocpt:seed",
+    "oocpt:clamp",
+    "oocpt:timeLimit",
+    "oocpt:memoryBudget",
+    "oocpt:device",
+    "oocpt:traversal",
+    "oocpt:hostMappedGeometry",
+    "oocpt:policy",
+    "oocpt:chunkSize",
+    "oocpt:geometryBudget",
+    "oocpt:hostMemoryBudget",
+    "oocpt:dicingRate",
+    "oocpt:chunkReport",
+    "oocpt:materialReport",
+    "oocpt:report",
+    "oocpt:reference",
+    "oocpt:targetError",
+    "oocpt:stragglerRoulette",
+    "oocpt:adaptiveSampling",
+    "oocpt:textureCache",
+    "oocpt:textureCacheSize",
+    "oocpt:geometryCache",
+    "oocpt:geometryCacheSize",
+    "oocpt:pipelineCache",
+    "oocpt:maxDiffuseBounces",
+    "oocpt:maxSpecularBounces",
+    "oocpt:maxTransmissionBounces",
+    "oocpt:pixelFilter",
+    "oocpt:pixelFilterWidth",
+];
+
 /// Hosts show them in this order; new settings come after the ones that hosts knew, before the names that all renderers
 /// share.
 #[test]
 fn settings_are_listed_in_order() {
     let keys: Vec<&str> = Settings::descriptors().iter().map(|d| d.key).collect();
-    let ours = [
-        "oocpt:samplesPerPixel",
-        "oocpt:maxBounces",
-        "oocpt:seed",
-        "oocpt:clamp",
-        "oocpt:timeLimit",
-        "oocpt:memoryBudget",
-        "oocpt:device",
-        "oocpt:traversal",
-        "oocpt:hostMappedGeometry",
-        "oocpt:policy",
-        "oocpt:chunkSize",
-        "oocpt:geometryBudget",
-        "oocpt:hostMemoryBudget",
-        "oocpt:dicingRate",
-        "oocpt:chunkReport",
-        "oocpt:materialReport",
-        "oocpt:report",
-        "oocpt:reference",
-        "oocpt:targetError",
-        "oocpt:stragglerRoulette",
-        "oocpt:adaptiveSampling",
-        "oocpt:textureCache",
-        "oocpt:textureCacheSize",
-        "oocpt:geometryCache",
-        "oocpt:geometryCacheSize",
-        "oocpt:pipelineCache",
-        "oocpt:maxDiffuseBounces",
-        "oocpt:maxSpecularBounces",
-        "oocpt:maxTransmissionBounces",
-        "oocpt:pixelFilter",
-        "oocpt:pixelFilterWidth",
-    ];
-    assert_eq!(keys[..ours.len()], ours, "the order");
-    assert!(keys[ours.len()..].iter().all(|key| !key.starts_with("oocpt:")), "{keys:?}");
+    assert_eq!(keys[..OURS.len()], OURS, "the order");
+    assert!(keys[OURS.len()..].iter().all(|key| !key.starts_with("oocpt:")), "{keys:?}");
     let names = [
         "OOCPT_TRAVERSAL",
         "OOCPT_HOST_MAPPED_GEOMETRY",
@@ -165,7 +167,7 @@ fn settings_are_listed_in_order() {
         "OOCPT_PIXEL_FILTER",
         "OOCPT_PIXEL_FILTER_WIDTH",
     ];
-    assert_eq!(ours[7..].iter().filter_map(|key| Settings::env_name(key)).collect::<Vec<_>>(), names, "variables");
+    assert_eq!(OURS[7..].iter().filter_map(|key| Settings::env_name(key)).collect::<Vec<_>>(), names, "variables");
 }
 
 #[test]

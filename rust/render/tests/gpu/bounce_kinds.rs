@@ -84,7 +84,7 @@ fn kinds_are_counted_apart() {
         let corners = [[-9.0, -9.0, 0.0], [9.0, -9.0, 0.0], [9.0, 9.0, 0.0], [-9.0, 9.0, 0.0]];
         db.upsert_mesh(mesh(prim("/board", facing), 2, corners.to_vec(), &[vec![0, 1, 2, 3]], 0.5));
         // Straight on it; the floor's mirror image of the sun is elsewhere.
-        db.upsert_light(sun(PI as f32, 1.0, DMat4::from_rotation_x(PI / 8.0)));
+        db.upsert_light(sun(3.0, 1.0, DMat4::from_rotation_x(PI / 8.0)));
     };
     let view = color_request(orthographic(DVec3::new(0.0, 5.0, 5.0), DVec3::ZERO, 0.01, [8, 8]));
     let shown = |bounces, kinds| picture(limited(bounces, kinds), &view, false, &build);
@@ -111,7 +111,7 @@ fn what_is_behind_glass_takes_a_transmission_for_each_interface() {
         let corners = [[-50.0, -50.0, 0.0], [50.0, -50.0, 0.0], [50.0, 50.0, 0.0], [-50.0, 50.0, 0.0]];
         db.upsert_mesh(mesh(prim("/board", DMat4::IDENTITY), 3, corners.to_vec(), &[vec![0, 1, 2, 3]], 0.5));
         // Past the panes.
-        db.upsert_light(sun(PI as f32, 1.0, DMat4::from_rotation_x(-1.2)));
+        db.upsert_light(sun(3.0, 1.0, DMat4::from_rotation_x(-1.2)));
     };
     let view = color_request(orthographic(DVec3::Z * 5.0, DVec3::ZERO, 0.01, [16, 16]));
     let shown = |limit| mean(&picture(Settings { samples_per_pixel: 16, ..limited(6, limit) }, &view, false, &build));

@@ -100,7 +100,7 @@ fn an_edge_is_the_integral_of_the_filter() {
     const EDGE: f64 = 6.3;
     let view = color_request(orthographic(DVec3::Z * 5.0, DVec3::ZERO, f64::from(SIZE[1]), SIZE));
     let build = |db: &mut SceneDb| {
-        let left = (EDGE - 6.0) as f32;
+        let left = 0.3; // EDGE, from the middle
         let corners = [[left, -99.0, 0.0], [99.0, -99.0, 0.0], [99.0, 99.0, 0.0], [left, 99.0, 0.0]];
         db.upsert_mesh(mesh(prim("/board", DMat4::IDENTITY), 1, corners.to_vec(), &[vec![0, 1, 2, 3]], 0.0));
         db.upsert_light(dome([1.0; 3]));
@@ -249,7 +249,7 @@ fn fan(db: &mut SceneDb) {
     for stroke in 0..STROKES {
         let edge = |side: f64| 2.0 * PI * (f64::from(stroke) + side) / f64::from(STROKES);
         for (radius, angle) in [(3.0, edge(-0.25)), (46.0, edge(-0.25)), (46.0, edge(0.25)), (3.0, edge(0.25))] {
-            points.push([(radius * angle.cos()) as f32, (radius * angle.sin()) as f32, 0.0]);
+            points.push((radius * DVec3::new(angle.cos(), angle.sin(), 0.0)).as_vec3().to_array());
         }
         faces.push((4 * stroke..4 * stroke + 4).collect::<Vec<i32>>());
     }
