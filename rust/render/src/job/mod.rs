@@ -11,6 +11,7 @@ pub(crate) mod publish;
 pub(crate) mod request;
 pub(crate) mod shared;
 pub(crate) mod timings;
+pub(crate) mod window;
 
 use crate::job::forced_features::ForcedFeatures;
 use crate::job::light_files::LightFiles;
@@ -36,6 +37,8 @@ pub(crate) struct RenderJob {
     pub(crate) meshes_made: u64,
     /// Bytes of host memory that can be put nowhere else; 0 where there is no budget of it.
     pub(crate) fixed_host_bytes: u64,
+    /// It may go on with the samples of a picture that differs in their number alone, or in what ends it.
+    pub(crate) goes_on: bool,
     /// The generation of `RenderControl` when the job was posted.
     pub(crate) generation: u64,
 }

@@ -177,6 +177,7 @@ impl Session {
             primvars,
             meshes_made,
             fixed_host_bytes,
+            goes_on: true,
             generation,
         }));
         control.stopped = false;
@@ -321,7 +322,7 @@ impl Session {
         control.generation += 1;
         let generation = control.generation;
         if let Some(job) = control.job.take() {
-            control.job = Some(Arc::new(RenderJob { options, generation, ..(*job).clone() }));
+            control.job = Some(Arc::new(RenderJob { options, generation, goes_on: false, ..(*job).clone() }));
         }
         control.stopped = false;
         control.paused = false;
