@@ -121,7 +121,7 @@ extern "C" __attribute__((visibility("default"))) int HdOocPTRunnerInterrupted(
     unsigned int* samples, unsigned int* target)
 {
     return _Try([samples, target] {
-        const oocpt::Interrupted state = oocpt::interrupted();
+        const oocpt::InterruptState state = oocpt::interrupted();
         *samples = state.samples;
         *target = state.target;
         return state.is_interrupted;

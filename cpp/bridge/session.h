@@ -65,8 +65,8 @@ struct HdOocPTSettingDescriptor
 /// it.
 ///
 /// One per render delegate. Nothing thrown by Rust leaves this class: every failure becomes a message that
-/// DrainMessages() posts. No function blocks for longer than a wave, but for Stop(true) and the destructor, which wait
-/// for the render thread.
+/// DrainMessages() posts. No function blocks for longer than a wave, or waits for a commit of the scene, but for
+/// Stop(true), which waits for the render thread, and the destructor, which waits for a commit under way too.
 ///
 /// Threads: unless said otherwise, call from the thread that drives Hydra (one at a time). IsConverged, ReadAov,
 /// GetStats, Pause, Resume and IsPaused/IsStopped may be called from any thread.
@@ -88,7 +88,7 @@ public:
     /// CommitScene(), never afterwards. Meshes read before the lookup is set have id -1.
     void SetPrimIdLookup(std::function<int32_t(const SdfPath&)> lookup);
 
-    /// Reads what was added, removed or dirtied since the last call and forwards it. Call it from
+    /// Reads what was added, removed or dirtied since the last call and queues it for the commit thread. Call it from
     /// HdRenderDelegate::CommitResources. Cheap if nothing is pending. Posts the reader's warnings through Tf itself.
     ///
     /// `camera`: the camera whose shutter counts from now on; empty if it is not known yet.
@@ -105,8 +105,8 @@ public:
 
     // ---- rendering ----
 
-    /// Asks for this image. Returns at once; restarts only if scene, camera, AOVs or settings changed since the last
-    /// request.
+    /// Asks for this image of the scene as it was read. Returns at once; restarts only if scene, camera, AOVs or
+    /// settings changed since the last request.
     void Render(const HdOocPTRenderRequest& request);
 
     /// Returns true if the latest image is final and resolved, or if rendering ended for good (error, stop).

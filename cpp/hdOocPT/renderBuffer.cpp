@@ -212,11 +212,14 @@ bool HdOocPTRenderBuffer::_ReadFrom(HdOocPTAov const& aov) const
         _unconverted.resize(_PixelCount() * HdDataSizeOfFormat(aov.format));
     }
     std::vector<unsigned char>& pixels = isConverted ? _unconverted : _pixels;
-    _version = _session->ReadAov(aov.name, known, pixels.data(), pixels.size());
-    if (_version == 0 || _version == known || !isConverted) {
-        return _version != 0;
+    uint64_t const version = _session->ReadAov(aov.name, known, pixels.data(), pixels.size());
+    bool const isNew = version != 0 && version != known;
+    if (isNew && isConverted
+        && !HdOocPTConvertPixels(_unconverted.data(), aov.format, _pixels.data(), _format, _PixelCount())) {
+        return false;
     }
-    return HdOocPTConvertPixels(_unconverted.data(), aov.format, _pixels.data(), _format, _PixelCount());
+    _version = version;
+    return version != 0;
 }
 
 PXR_NAMESPACE_CLOSE_SCOPE

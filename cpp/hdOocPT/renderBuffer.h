@@ -53,8 +53,9 @@ public:
 
     void Resolve() override;
 
-    /// Returns true once the final image is in this buffer, or if no pass renders into it. While the buffer is mapped
-    /// and not yet final it returns false.
+    /// Returns true once the final image is in this buffer, or if no pass has ever bound it. While the buffer is mapped
+    /// and not yet final it returns false. One that passes have left waits for the session: a host asks between
+    /// executions, when a buffer that was allocated anew is not bound again yet.
     bool IsConverged() const override;
 
 protected:

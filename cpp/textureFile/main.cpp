@@ -21,6 +21,7 @@
 #include <mutex>
 #include <stdexcept>
 #include <string>
+#include <system_error>
 #include <thread>
 #include <vector>
 
@@ -135,9 +136,16 @@ void Read(unsigned threads, const std::vector<std::string>& files)
     };
     const std::size_t threadCount = threads > 0 ? threads : std::max(std::thread::hardware_concurrency(), 1U);
     // This thread is one of them.
+    const std::size_t workerCount = std::min(threadCount, files.size()) - 1;
     std::vector<std::thread> workers;
-    for (std::size_t i = 1; i < std::min(threadCount, files.size()); ++i) {
-        workers.emplace_back(work);
+    workers.reserve(workerCount);
+    try {
+        while (workers.size() < workerCount) {
+            workers.emplace_back(work);
+        }
+    } catch (const std::system_error& error) {
+        // Those that did start read all files, and have to be joined.
+        std::fprintf(stderr, "%zu of %zu threads: %s\n", workers.size() + 1, workerCount + 1, error.what());
     }
     work();
     for (std::thread& worker : workers) {

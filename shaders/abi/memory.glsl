@@ -12,6 +12,8 @@ layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Str
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer RouletteBlock { RouletteStats r; };
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer AdaptiveBlock { AdaptiveSampling a; };
 layout(buffer_reference, scalar, buffer_reference_align = 8) buffer TextureFeedbackBlock { TextureFeedback t; };
+// Host memory that the host writes while passes run.
+layout(buffer_reference, scalar, buffer_reference_align = 4) volatile readonly buffer HostWords { uint v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer DemandList { UnitDemand v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) buffer Segments { PathSegment v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) buffer PendingLists { PendingItems v[]; };

@@ -44,6 +44,12 @@ vec4 at4(uint index) {
     return vec4(at3(index), at(index + 3u));
 }
 
+Shading unpack_shading(vec4 packed[4], vec3 geometric_normal, vec3 normal) {
+    return Shading(geometric_normal, normal, packed[0].xyz, packed[1].xyz, packed[2].xyz, packed[0].w, packed[1].w,
+                   packed[2].w, packed[3].x, packed[3].y, packed[3].z, uint(packed[3].w), vec3(0.0), 0.5, vec3(1.0),
+                   1.5, vec3(0.0), vec4(1.0, 0.0, 1.0, 0.0), vec3(0.0), vec3(0.0), 0.0, 0.0, white_hair());
+}
+
 Shading shading_of(uint item) {
     vec4 packed[4];
     for (uint i = 0u; i < 4u; ++i) packed[i] = at4(item * CASE + 16u + 4u * i);

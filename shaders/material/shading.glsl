@@ -65,8 +65,6 @@ HairShading white_hair() {
                        HAIR_BY_NORMAL);
 }
 
-const uint SHADING_VEC4S = 4u;
-
 // Least ratio of the two alphas of an anisotropic lobe.
 const float LEAST_RATIO = 0.02;
 
@@ -135,19 +133,6 @@ Shading valid_shading(Shading s) {
     s.opacity = s.opacity < 1.0 ? max(s.opacity, 0.0) : 1.0; // NaN is 1
     if (HAS_HAIR && (s.flags & SHADING_HAIR) != 0u) s.hair = valid_hair(s.hair);
     return s;
-}
-
-void pack_shading(Shading s, out vec4 packed[4]) {
-    packed[0] = vec4(s.diffuse_color, s.metallic);
-    packed[1] = vec4(s.specular_color, s.roughness);
-    packed[2] = vec4(s.emission, s.ior);
-    packed[3] = vec4(s.clearcoat, s.clearcoat_roughness, s.opacity, float(s.flags));
-}
-
-Shading unpack_shading(vec4 packed[4], vec3 geometric_normal, vec3 normal) {
-    return Shading(geometric_normal, normal, packed[0].xyz, packed[1].xyz, packed[2].xyz, packed[0].w, packed[1].w,
-                   packed[2].w, packed[3].x, packed[3].y, packed[3].z, uint(packed[3].w), vec3(0.0), 0.5, vec3(1.0),
-                   1.5, vec3(0.0), vec4(1.0, 0.0, 1.0, 0.0), vec3(0.0), vec3(0.0), 0.0, 0.0, white_hair());
 }
 
 #endif

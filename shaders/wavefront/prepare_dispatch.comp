@@ -4,7 +4,7 @@
 // PREPARE_SHADE, round r: for shade_surface and shade_background of round r. arg0 = PREPARE_DEMAND: for what reads the
 // deferred rays, and for retire_paths. arg0 = PREPARE_RESOLVE: for resolve_materials. arg0 = PREPARE_SETTLE: for
 // settle_closest and settle_shadow. Reads and writes: WavefrontCounters. Totals of rays are counted here, those of AOVs
-// left out.
+// left out. Reads FrameConstants::cancelled.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "wavefront/wavefront.glsl"
@@ -37,8 +37,16 @@ void add_totals() {
     COUNTERS.misses = 0u;
 }
 
+// The host has given the picture up: rounds without rays end what is under way.
+bool is_cancelled() {
+    return !HAS_STREAMING && FRAME.cancelled != 0ul && HostWords(FRAME.cancelled).v[0] != 0u;
+}
+
 void prepare_trace() {
-    if (push.round == 0u) COUNTERS.shadow_count = 0u;
+    const bool begins = push.round == 0u;
+    const bool is_over = is_cancelled();
+    if (begins || is_over) COUNTERS.shadow_count = 0u;
+    if (is_over) COUNTERS.ray_count[push.round & 1u] = 0u;
     uint rays = COUNTERS.ray_count[push.round & 1u];
     uint shadows = COUNTERS.shadow_count;
     const uint most = max(FRAME.most_walkers, 1u);

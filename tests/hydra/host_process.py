@@ -136,7 +136,8 @@ class Commands:
         shown.
 
         For each step: of how many other jobs pictures were shown (`changed`), the largest share of black pixels in any
-        (`black`), the least `sampleCount`, which is 0 where nothing is known of a pixel; and meshes built so far.
+        (`black`), the least `sampleCount`, which is 0 where nothing is known of a pixel; and meshes built and commits
+        made so far, also of those that held the host's thread.
         """
         view = self._viewers[viewer]
         shown, rows = view.stats()["oocpt:shownJob"], []
@@ -144,8 +145,7 @@ class Commands:
             self.edit(viewer, code)
             begun, row = time.monotonic(), {"changed": 0, "black": 0.0, "sampleCount": np.inf}
             view.step()
-            newest = view.stats()["oocpt:job"]
-            while shown < newest if period is None else time.monotonic() - begun < period:
+            while _is_due(view.stats()) if period is None else time.monotonic() - begun < period:
                 if time.monotonic() - begun > patience:
                     raise TimeoutError(f"no other picture in {patience} s after `{code}`; stats {view.stats()}")
                 view.step()
@@ -156,7 +156,9 @@ class Commands:
                 before, shown = shown, view.stats()["oocpt:shownJob"]
                 row["changed"] += int(shown != before)
                 time.sleep(0.004)
-            row["meshes"] = view.stats()["oocpt:meshesMade"]
+            stats = view.stats()
+            row["meshes"] = stats["oocpt:meshesMade"]
+            row["commits"], row["commitsInHostThread"] = stats["oocpt:commits"], stats["oocpt:commitsInHostThread"]
             rows.append(row)
         return rows
 
@@ -219,6 +221,11 @@ class Commands:
                 opened.SetMetadata("comment", f"{cycle}")
                 held.append(_held())
         return held
+
+
+def _is_due(stats: dict) -> bool:
+    """Whether a picture is to come: its scene is being committed, or it is not shown yet."""
+    return stats["oocpt:commitPending"] or stats["oocpt:shownJob"] < stats["oocpt:job"]
 
 
 _LIBC = ctypes.CDLL(None)

@@ -87,6 +87,8 @@ def live(view, steps, **arguments):
         assert row["sampleCount"] >= 1, f"step {number}: a pixel without a sample was shown: {row}"
         # One sample of a crevice may find no light.
         assert row["black"] < 0.1, f"step {number}: a picture with black parts was shown: {row}"
+        assert row["commitsInHostThread"] == 0, f"step {number}: the host's thread was held by a commit: {row}"
+    assert rows[-1]["commits"] > 1, f"nothing was committed beside it either: {rows[-1]}"
     return rows
 
 

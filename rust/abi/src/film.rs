@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The film and the sizes of the AOV planes.
+//! The film.
 //!
 //! Guarantees: plain data, from which the build makes the structs of the shaders. Any thread.
 
-use super::AovTargets;
 use bytemuck::{Pod, Zeroable};
 
 shared! {
@@ -70,22 +69,5 @@ shared! {
         pub most: u32,
         /// Padding; 0.
         pub pad: u32,
-    }
-}
-
-/// Bytes per pixel of each plane of [`AovTargets`], same members.
-#[must_use]
-pub const fn aov_bytes() -> AovTargets {
-    AovTargets {
-        depth: 4,
-        camera_depth: 4,
-        prim_id: 4,
-        instance_id: 4,
-        element_id: 4,
-        normal: 12,
-        neye: 12,
-        albedo: 12,
-        motion: 12,
-        sample_count: 4,
     }
 }

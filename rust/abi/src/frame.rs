@@ -65,8 +65,8 @@ bitflags! {
 }
 
 shared! {
-    /// Outputs of `shade_aovs`: device addresses of tightly packed planes, pixel `y * width + x` of the window, row 0 at
-    /// the bottom. 0 = not wanted. [`crate::aov_bytes`] gives bytes per pixel.
+    /// Outputs of `shade_aovs`: device addresses of tightly packed planes, pixel `y * width + x` of the window, row 0
+    /// at the bottom. 0 = not wanted.
     #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
     pub struct AovTargets {
         /// f32, clip z/w mapped from [-1, 1] to [0, 1].
@@ -256,6 +256,9 @@ shared! {
         pub adaptive: u64,
         /// One [`crate::TextureFeedback`]; 0 if all tiles are resident, and with `Features::STREAMING`.
         pub texture_feedback: u64,
+        /// u32 in host memory, written while passes run: not 0 once the host has given the picture up, and rounds that
+        /// have not begun are to be left out. 0 if the host never does, and with `Features::STREAMING`. 4-byte aligned.
+        pub cancelled: u64,
         /// Programs of the materials; 0 without `Features::PATTERNS`.
         pub programs: u64,
         /// Tables of sheen; 0 without `Features::SHEEN`.

@@ -5,14 +5,14 @@
 use crate::guard::{BridgeError, guard};
 use crate::runner::{self, begin_picture, interrupt, picture_rendered};
 use crate::settings;
-use ffi::{Interrupted, PrimWarning};
+use ffi::{InterruptState, PrimWarning};
 use oocpt_core::scene::{SceneWarning, summary};
 use oocpt_core::settings::{SettingScope, Settings};
 
 /// The state of interruption: [`runner::interrupted`].
-fn interrupted() -> Result<Interrupted, BridgeError> {
+fn interrupted() -> Result<InterruptState, BridgeError> {
     let (is_interrupted, early) = runner::interrupted()?;
-    Ok(Interrupted { is_interrupted, samples: early.samples, target: early.target })
+    Ok(InterruptState { is_interrupted, samples: early.samples, target: early.target })
 }
 
 /// The lines to post for the warnings of a reader of prims: few lines if many prims have the same text.
@@ -61,7 +61,7 @@ mod ffi {
 
     /// The progress of the picture of an interrupted command line; `samples` is 0 if nothing of it is to be written.
     #[derive(Debug, Clone, Copy)]
-    struct Interrupted {
+    struct InterruptState {
         is_interrupted: bool,
         samples: u32,
         target: u32,
@@ -76,6 +76,6 @@ mod ffi {
         fn begin_picture(folder: &str) -> Result<bool>;
         fn picture_rendered() -> Result<()>;
         fn interrupt() -> Result<bool>;
-        fn interrupted() -> Result<Interrupted>;
+        fn interrupted() -> Result<InterruptState>;
     }
 }

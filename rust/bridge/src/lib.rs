@@ -9,6 +9,7 @@
 #![deny(unsafe_code)]
 
 mod convert;
+mod edits;
 mod ffi_images;
 mod ffi_runner;
 mod guard;

@@ -3,7 +3,8 @@
 //!
 //! Every method may be called from any thread; none panics out (see [`crate::guard`]).
 
-use crate::convert::{self, ConversionWarnings};
+use crate::convert;
+use crate::edits;
 use crate::ffi::{
     MessageSeverity, NamedValue, RenderDesc, ScalarValue, SceneEdits, SettingDescriptor, SettingOutcome, UserMessage,
 };
@@ -11,22 +12,23 @@ use crate::ffi_images::ImageSource;
 use crate::guard::{BridgeError, guard};
 use crate::images::HostImages;
 use crate::settings::{self, SettingLayers};
-use crate::{light, logging, material, runner, stats};
+use crate::{logging, runner, stats};
 use cxx::UniquePtr;
 use glam::DVec4;
 use oocpt_core::array::column_matrix;
 use oocpt_core::camera::Camera;
-use oocpt_core::scene::{SceneDb, summary};
 use oocpt_render::textures::ImageLibrary;
-use oocpt_render::{AovKind, AovRequest, PixelWindow, RenderRequest, SessionOptions, Severity};
+use oocpt_render::{AovKind, AovRequest, PixelWindow, RenderRequest, SceneEdit, SessionOptions, Severity};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// One renderer.
 pub(crate) struct Session {
     inner: Arc<oocpt_render::Session>,
     layers: Mutex<SettingLayers>,
+    /// The purposes of the last request.
+    purposes: Mutex<Option<Vec<String>>>,
     /// Warnings of the boundary itself, handed out before the renderer's.
-    warnings: Mutex<Vec<String>>,
+    warnings: Arc<Mutex<Vec<String>>>,
 }
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
@@ -62,11 +64,12 @@ pub(crate) fn open_session(images: UniquePtr<ImageSource>) -> Result<Box<Session
         inner.set_light_files(files);
         let inner = Arc::new(inner);
         runner::session_opened(&inner);
-        Ok(Box::new(Session { inner, layers: Mutex::new(layers), warnings: Mutex::new(warnings) }))
+        let (layers, warnings) = (Mutex::new(layers), Arc::new(Mutex::new(warnings)));
+        Ok(Box::new(Session { inner, layers, purposes: Mutex::default(), warnings }))
     })
 }
 
-/// Ends a session: waits for its render thread and frees everything.
+/// Ends a session: waits for its threads, the commit under way included, and frees everything.
 #[allow(clippy::boxed_local, reason = "C++ hands over the box that it holds")]
 pub(crate) fn close_session(session: Box<Session>) -> Result<(), BridgeError> {
     guard("close_session", move || {
@@ -81,37 +84,10 @@ pub(crate) fn setting_descriptors() -> Result<Vec<SettingDescriptor>, BridgeErro
 }
 
 impl Session {
-    /// Edits the scene; takes effect with the next render.
+    /// Edits the scene; takes effect with the next render. The commit thread converts what is given.
     pub(crate) fn apply_edits(&self, edits: SceneEdits) -> Result<(), BridgeError> {
         guard("apply_edits", || {
-            let mut complaints = ConversionWarnings::default();
-            self.inner.with_scene(|scene| {
-                for path in &edits.removed {
-                    tracing::debug!(path, "remove");
-                    scene.remove(path);
-                }
-                for material in edits.materials {
-                    let material = material::material(material, &mut complaints);
-                    tracing::debug!(?material, "upsert");
-                    scene.upsert_material(material);
-                }
-                for mesh in edits.meshes {
-                    let mesh = convert::mesh(mesh, &mut complaints);
-                    tracing::debug!(?mesh, "upsert");
-                    scene.upsert_mesh(mesh);
-                }
-                for instancer in edits.instancers {
-                    let instancer = convert::instancer(instancer, &mut complaints);
-                    tracing::debug!(?instancer, "upsert");
-                    scene.upsert_instancer(instancer);
-                }
-                for light in edits.lights {
-                    let light = light::light(light);
-                    tracing::debug!(?light, "upsert");
-                    scene.upsert_light(light);
-                }
-            });
-            lock(&self.warnings).append(&mut summary(&complaints.0));
+            self.inner.edit(edits::of(edits, &self.warnings));
             Ok(())
         })
     }
@@ -119,7 +95,7 @@ impl Session {
     /// Starts again with an empty scene.
     pub(crate) fn clear_scene(&self) -> Result<(), BridgeError> {
         guard("clear_scene", || {
-            self.inner.with_scene(|scene: &mut SceneDb| scene.remove("/"));
+            self.inner.edit(vec![SceneEdit::Remove("/".to_owned())]);
             Ok(())
         })
     }
@@ -160,11 +136,15 @@ impl Session {
         })
     }
 
-    /// Commits the scene and renders in the background.
+    /// Has the scene committed and rendered in the background.
     pub(crate) fn render(&self, request: RenderDesc) -> Result<(), BridgeError> {
         guard("render", || {
-            let purposes: Vec<&str> = request.purposes.iter().map(String::as_str).collect();
-            self.inner.with_scene(|scene| scene.set_purposes(&purposes));
+            let mut purposes = lock(&self.purposes);
+            if purposes.as_ref() != Some(&request.purposes) {
+                *purposes = Some(request.purposes.clone());
+                self.inner.edit(vec![edits::purposes(request.purposes.clone())]);
+            }
+            drop(purposes);
             let request = render_request(&request);
             tracing::trace!(?request, "render");
             self.inner.render(request);
@@ -230,8 +210,10 @@ impl Session {
     /// Counters under the keys that hosts read.
     pub(crate) fn stats(&self) -> Result<Vec<NamedValue>, BridgeError> {
         guard("stats", || {
-            let jobs = [self.inner.generation(), self.inner.shown_generation()];
-            Ok(stats::named_values(&self.inner.stats()).into_iter().chain(stats::jobs(jobs)).collect())
+            // First: once no commit is pending, the newest job is that of the newest request.
+            let commits = stats::commits(&self.inner.commit_progress());
+            let jobs = stats::jobs([self.inner.generation(), self.inner.shown_generation()]);
+            Ok(stats::named_values(&self.inner.stats()).into_iter().chain(jobs).chain(commits).collect())
         })
     }
 

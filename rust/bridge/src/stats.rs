@@ -8,6 +8,7 @@ use crate::ffi::{NamedValue, ScalarTag, ScalarValue};
 use oocpt_core::adaptive::AdaptiveUsage;
 use oocpt_core::inventory::RenderInventory;
 use oocpt_core::stats::{ErrorRow, RenderStats, StreamingStats};
+use oocpt_render::CommitProgress;
 
 /// The list of pairs, sorted as below. Memory in bytes, times in seconds.
 pub(crate) fn named_values(stats: &RenderStats) -> Vec<NamedValue> {
@@ -82,6 +83,15 @@ fn inventory(inventory: &RenderInventory) -> [NamedValue; 14] {
 /// The newest job, and the one whose picture is shown.
 pub(crate) fn jobs([newest, shown]: [u64; 2]) -> [NamedValue; 2] {
     [integer("oocpt:job", newest), integer("oocpt:shownJob", shown)]
+}
+
+/// How far the commits of the scene are.
+pub(crate) fn commits(progress: &CommitProgress) -> [NamedValue; 3] {
+    [
+        integer("oocpt:commits", progress.ended),
+        integer("oocpt:commitsInHostThread", progress.in_host_thread),
+        flag("oocpt:commitPending", progress.is_pending),
+    ]
 }
 
 /// How samples were spent at that look.

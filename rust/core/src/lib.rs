@@ -38,10 +38,10 @@ pub use partition::{
     Chunk, ChunkInstance, OpenedAssembly, PartitionOptions, PartitionedWorld, RECORD_BYTES, WorldError,
 };
 pub use scene::{
-    Assembly, AssetRef, ConnectionDesc, DomeFormat, DroppedData, InstanceFlags, InstanceRecord, InstanceTarget,
-    InstancedBy, InstancerDesc, InstancerPrototype, Interpolation, Light, LightDesc, LightKind, MaterialDesc, MeshDesc,
-    MotionKey, NamedPrimvar, NodeDesc, ParamDesc, ParamValue, PrimDesc, PrimRecord, Primvar, SceneCommit, SceneCounts,
-    SceneDb, SceneMesh, SceneWarning, ShapingCone, Snapshot, SnapshotError, Subdivision, SubsetDesc, SurfaceTables,
+    Assembly, AssetRef, ConnectionDesc, DomeFormat, DroppedData, InstanceRecord, InstanceTarget, InstancedBy,
+    InstancerDesc, InstancerPrototype, Interpolation, Light, LightDesc, LightKind, MaterialDesc, MeshDesc, MotionKey,
+    NamedPrimvar, NodeDesc, ParamDesc, ParamValue, PrimDesc, PrimRecord, Primvar, SceneCommit, SceneCounts, SceneDb,
+    SceneMesh, SceneWarning, ShapingCone, Snapshot, SnapshotError, Subdivision, SubsetDesc, SurfaceTables,
     TransformSample,
 };
 pub use settings::{SettingAudience, SettingError, SettingInfo, SettingValue, Settings};

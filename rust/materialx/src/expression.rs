@@ -220,6 +220,35 @@ impl ExpressionGraph {
         leaves
     }
 
+    /// Returns true if the first two components of a value are surely the same.
+    pub(crate) fn is_even(&self, val: Val) -> bool {
+        let mut known: HashMap<u32, bool> = HashMap::new();
+        let lookup = |known: &HashMap<u32, bool>, val: Val| match val {
+            Val::Constant([x, y, ..]) => x == y,
+            Val::Node(at) => known.get(&at).copied().unwrap_or(false),
+        };
+        for at in self.reach(val, true) {
+            let Some(node) = self.get(at) else { continue };
+            let [a, b, c] = node.arguments.map(|argument| lookup(&known, argument));
+            let (first, second) = (node.immediate & 7, node.immediate >> 3 & 7);
+            let is_even = match node.op {
+                Op::Dot | Op::Length | Op::Noise2 | Op::Noise3 | Op::CellNoise2 | Op::CellNoise3 => true,
+                Op::Worley2 | Op::Worley3 | Op::Fractal2 | Op::Fractal3 => node.immediate == 0,
+                Op::Swizzle => first == second || a && first.max(second) < 2,
+                Op::Blend => match node.immediate & 3 {
+                    0 => a,
+                    3 => b,
+                    _ => a && node.arguments[0] == node.arguments[1],
+                },
+                Op::Surface | Op::Texture | Op::Cross | Op::Normalize => false,
+                Op::RgbToHsv | Op::HsvToRgb | Op::Noise2Vector | Op::Noise3Vector => false,
+                _ => a && b && c,
+            };
+            known.insert(at, is_even);
+        }
+        lookup(&known, val)
+    }
+
     /// The number that a value has if leaves have the values of these functions.
     pub(crate) fn value(
         &self,

@@ -31,10 +31,8 @@ pub(crate) fn apply(
         (at, bytes) => (at, at.checked_add(bytes)),
     };
     let end = end.filter(|end| *end <= file.size()).ok_or(PtexError::Truncated("the edits"))?;
-    for _ in 0..MAX_EDITS {
-        if end.saturating_sub(at) < EDIT_HEADER_BYTES.into() {
-            return Ok(());
-        }
+    let mut edits = 0;
+    while end.saturating_sub(at) >= EDIT_HEADER_BYTES.into() {
         let edit: [u8; EDIT_HEADER_BYTES as usize] = file.array("an edit", at)?;
         let mut fields = FieldReader(&edit);
         let kind = fields.u8();
@@ -42,6 +40,10 @@ pub(crate) fn apply(
         if bytes == 0 {
             return Ok(());
         }
+        if edits == MAX_EDITS {
+            return Err(PtexError::DamagedEdit(at));
+        }
+        edits += 1;
         let data_at = at + u64::from(EDIT_HEADER_BYTES);
         let next = data_at.checked_add(bytes).filter(|next| *next <= end).ok_or(PtexError::DamagedEdit(at))?;
         if kind == FACE_EDIT {
@@ -49,7 +51,7 @@ pub(crate) fn apply(
         }
         at = next;
     }
-    Err(PtexError::DamagedEdit(at))
+    Ok(())
 }
 
 /// Replaces one face. `None` if its edit is too short or there is no such face.

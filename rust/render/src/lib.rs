@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! OocPT's renderer: a [`Session`] takes scene edits and requests, and renders them on its own thread.
+//! OocPT's renderer: a [`Session`] takes scene edits and requests, and commits and renders them on its own threads.
 //!
 //! The way of a ray through the code: `renderer` (the outline of a render) -> `engine` (decides what is submitted when)
 //! -> `wavefront` (the passes: generate, intersect, shade, accumulate) -> `film` (images) -> the session's published
@@ -35,8 +35,10 @@ pub use film::picture;
 pub use host_memory::peak as host_peak_bytes;
 pub use job::SessionOptions;
 pub use job::aov::{AovKind, AovRequest};
+pub use job::commits::CommitProgress;
+pub use job::edits::SceneEdit;
 #[cfg(feature = "faults")]
-pub use job::faults::{FaultWitness, PlantedFaults};
+pub use job::faults::{CommitGate, FaultWitness, PlantedFaults};
 pub use job::forced_features::ForcedFeatures;
 pub use job::light_files::{LightFiles, LightPicture, NoFiles};
 pub use job::request::{MAX_PIXELS, MAX_SIDE, Message, RenderRequest, Severity};

@@ -14,7 +14,7 @@ use crate::places::RootFolders;
 use crate::shell;
 
 /// The benches and their programs.
-const PROGRAMS: [(&str, &str); 2] = [("sets", "measure_sets.py"), ("beside", "beside.py")];
+const PROGRAMS: [(&str, &str); 3] = [("sets", "measure_sets.py"), ("beside", "beside.py"), ("live", "measure_live.py")];
 
 /// The program that the first argument names, and the remaining arguments.
 ///
@@ -50,7 +50,7 @@ mod tests {
         let words: Vec<OsString> = ["sets", "--seed", "3"].map(Into::into).into();
         assert_eq!(script_of(&words).unwrap(), ("measure_sets.py", &words[1..]), "the rest is its own");
         let message = script_of(&words[1..]).unwrap_err().to_string();
-        assert!(message.contains("name a bench: sets, beside;"), "{message}");
+        assert!(message.contains("name a bench: sets, beside, live;"), "{message}");
         assert!(script_of(&[]).is_err(), "nothing");
     }
 }

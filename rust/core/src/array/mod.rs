@@ -262,6 +262,15 @@ impl TypedArray {
             && (self.identity() == other.identity() || self.source.bytes() == other.source.bytes())
     }
 
+    /// As [`Self::same_contents`], of arrays that may be absent.
+    pub(crate) fn same_optional(a: Option<&Self>, b: Option<&Self>) -> bool {
+        match (a, b) {
+            (None, None) => true,
+            (Some(a), Some(b)) => a.same_contents(b),
+            _ => false,
+        }
+    }
+
     /// The bytes and the element type, for loops that read many elements.
     #[must_use]
     pub fn view(&self) -> ArrayView<'_> {

@@ -3,11 +3,9 @@
 
 use glam::{DQuat, DVec3};
 
-use super::motion::MAX_KEYS;
-use super::moving::KeyPlacer;
-use super::placement::{InstanceArrays, InstancePlacer};
+use super::motion::{MAX_KEYS, thin_out};
 use crate::array::{ArrayView, TypedArray};
-use crate::desc::{InstancerDesc, InstancerMotion, InstancerSample, TransformSample};
+use crate::desc::{InstancerMotion, InstancerSample, TransformSample};
 
 /// Number of keys of an accelerated motion: a parabola in four pieces.
 const ACCELERATED_KEYS: usize = 5;
@@ -23,7 +21,18 @@ pub(crate) struct VelocityMotion<'a> {
     seconds: f64,
 }
 
-impl VelocityMotion<'_> {
+impl<'a> VelocityMotion<'a> {
+    /// The offsets at a time of the shutter.
+    pub(super) fn at(motion: &'a InstancerMotion, time: f64) -> Self {
+        let view = |array: &'a Option<TypedArray>| array.as_ref().map(TypedArray::view);
+        Self {
+            velocities: view(&motion.velocities),
+            accelerations: view(&motion.accelerations),
+            angular: view(&motion.angular_velocities),
+            seconds: motion.seconds[0] + time * (motion.seconds[1] - motion.seconds[0]),
+        }
+    }
+
     /// `v t + a t^2 / 2`; `None` if an array is too short.
     pub(crate) fn offset(&self, number: usize) -> Option<DVec3> {
         let Some(velocities) = &self.velocities else { return Some(DVec3::ZERO) };
@@ -51,12 +60,16 @@ pub(crate) enum ArrayMotion {
 }
 
 impl ArrayMotion {
-    /// The motion of usable `arrays`; `None` if nothing moves; an error with the reason if it cannot be used.
-    pub(crate) fn of(desc: &InstancerDesc, arrays: &InstanceArrays) -> Result<Option<Self>, String> {
-        let motion = &desc.motion;
+    /// The checked `motion` of an instancer with `count` instances and these usable arrays; `None` if nothing moves; an
+    /// error with the reason if it cannot be used.
+    pub(crate) fn of(
+        motion: &InstancerMotion,
+        arrays: [Option<&TypedArray>; 4],
+        count: usize,
+    ) -> Result<Option<Self>, String> {
         let present = |array: &Option<TypedArray>| array.as_ref().is_some_and(|array| !array.is_empty());
         if present(&motion.velocities) || present(&motion.angular_velocities) {
-            return Self::of_velocities(motion, arrays);
+            return Self::of_velocities(motion, count);
         }
         let mut samples = motion.samples.clone();
         if samples.len() < 2 {
@@ -69,9 +82,8 @@ impl ArrayMotion {
                 *array = array.take().filter(|array| !array.is_empty());
             }
         }
-        let [_, own @ ..] = arrays.all();
         for sample in &samples {
-            for (own, array) in own.into_iter().zip(sample.arrays()) {
+            for (own, array) in arrays.into_iter().zip(sample.arrays()) {
                 let alike = match (own, array) {
                     (None, None) => true,
                     (Some(own), Some(array)) => own.element() == array.element() && own.len() == array.len(),
@@ -83,13 +95,13 @@ impl ArrayMotion {
             }
         }
         let moves = samples.windows(2).any(|pair| {
-            let pairs = pair[0].arrays().into_iter().zip(pair[1].arrays());
-            pairs.into_iter().any(|arrays| !is_same(arrays))
+            let mut pairs = pair[0].arrays().into_iter().zip(pair[1].arrays());
+            pairs.any(|(a, b)| !TypedArray::same_optional(a, b))
         });
         Ok(moves.then_some(Self::Samples(samples)))
     }
 
-    fn of_velocities(motion: &InstancerMotion, arrays: &InstanceArrays) -> Result<Option<Self>, String> {
+    fn of_velocities(motion: &InstancerMotion, count: usize) -> Result<Option<Self>, String> {
         let [open, close] = motion.seconds;
         if !(open.is_finite() && close.is_finite() && open < close) {
             return Err("the shutter is open for no usable time".to_owned());
@@ -99,8 +111,8 @@ impl ArrayMotion {
         kept.velocities = taken(&motion.velocities);
         kept.accelerations = taken(&motion.accelerations).filter(|_| kept.velocities.is_some());
         kept.angular_velocities = taken(&motion.angular_velocities);
-        for array in [&kept.velocities, &kept.accelerations, &kept.angular_velocities].into_iter().flatten() {
-            if array.vec3(0).is_none() || array.len() != arrays.len() {
+        for array in rates(&kept).into_iter().flatten() {
+            if array.vec3(0).is_none() || array.len() != count {
                 return Err("its velocities are of the wrong length or type".to_owned());
             }
         }
@@ -119,15 +131,14 @@ impl ArrayMotion {
         match (self, other) {
             (Self::Samples(a), Self::Samples(b)) => {
                 let alike = |(a, b): (&InstancerSample, &InstancerSample)| {
-                    a.time == b.time && a.arrays().into_iter().zip(b.arrays()).all(is_same)
+                    let mut pairs = a.arrays().into_iter().zip(b.arrays());
+                    a.time == b.time && pairs.all(|(a, b)| TypedArray::same_optional(a, b))
                 };
                 a.len() == b.len() && a.iter().zip(b).all(alike)
             }
             (Self::Velocities { motion: a, keys }, Self::Velocities { motion: b, keys: other }) => {
-                let arrays =
-                    |m: &InstancerMotion| [m.velocities.clone(), m.accelerations.clone(), m.angular_velocities.clone()];
-                let (a_arrays, b_arrays) = (arrays(a), arrays(b));
-                let same = a_arrays.iter().zip(&b_arrays).all(|(a, b)| is_same((a.as_ref(), b.as_ref())));
+                let mut pairs = rates(a).into_iter().zip(rates(b));
+                let same = pairs.all(|(a, b)| TypedArray::same_optional(a, b));
                 same && keys == other && a.seconds == b.seconds
             }
             _ => false,
@@ -149,34 +160,6 @@ impl ArrayMotion {
             Self::Velocities { keys, .. } => (0..*keys).map(|key| key as f64 / (*keys as f64 - 1.0)).collect(),
         }
     }
-
-    /// The placers of the keys, made from that of the arrays themselves.
-    #[expect(clippy::cast_possible_truncation, reason = "keys have times in single precision")]
-    pub(crate) fn placers<'a>(&'a self, arrays: &'a InstanceArrays, placer: &InstancePlacer<'a>) -> Vec<KeyPlacer<'a>> {
-        match self {
-            Self::Samples(samples) => samples
-                .iter()
-                .map(|sample| KeyPlacer { time: sample.time as f32, placer: placer.at_time(sample.arrays(), None) })
-                .collect(),
-            Self::Velocities { motion, keys } => {
-                let [_, own @ ..] = arrays.all();
-                let own = own.map(Option::as_ref);
-                let view = |array: &'a Option<TypedArray>| array.as_ref().map(TypedArray::view);
-                (0..*keys)
-                    .map(|key| {
-                        let time = key as f64 / (*keys as f64 - 1.0);
-                        let drift = VelocityMotion {
-                            velocities: view(&motion.velocities),
-                            accelerations: view(&motion.accelerations),
-                            angular: view(&motion.angular_velocities),
-                            seconds: motion.seconds[0] + time * (motion.seconds[1] - motion.seconds[0]),
-                        };
-                        KeyPlacer { time: time as f32, placer: placer.at_time(own, Some(drift)) }
-                    })
-                    .collect()
-            }
-        }
-    }
 }
 
 impl InstancerSample {
@@ -185,12 +168,8 @@ impl InstancerSample {
     }
 }
 
-fn is_same((a, b): (Option<&TypedArray>, Option<&TypedArray>)) -> bool {
-    match (a, b) {
-        (None, None) => true,
-        (Some(a), Some(b)) => a.same_contents(b),
-        _ => false,
-    }
+fn rates(motion: &InstancerMotion) -> [Option<&TypedArray>; 3] {
+    [&motion.velocities, &motion.accelerations, &motion.angular_velocities].map(Option::as_ref)
 }
 
 /// Times of samples: finite numbers, strictly increasing, also in single precision.
@@ -206,15 +185,6 @@ pub(crate) fn check_times(times: impl Iterator<Item = f64>) -> Result<(), String
         last = time;
     }
     Ok(())
-}
-
-/// Reduces samples to at most [`MAX_KEYS`], including the first and the last.
-pub(crate) fn thin_out<T: Clone>(samples: &mut Vec<T>) {
-    if samples.len() > MAX_KEYS {
-        let last = samples.len() - 1;
-        let pick = |at: usize| samples.get(at * last / (MAX_KEYS - 1)).cloned();
-        *samples = (0..MAX_KEYS).filter_map(pick).collect();
-    }
 }
 
 /// The samples of a prim's transform as its motion, in order of time; `None` if all are the same.

@@ -4,8 +4,6 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use bitflags::bitflags;
-
 use super::instance_primvars::{ColumnReader, InstanceColumn, MemberPrimvar, value_bytes, write_value};
 use super::motion::{MotionKey, PlacementKeys};
 use super::placement::PlacedInstance;
@@ -27,15 +25,6 @@ pub enum InstanceTarget {
     Assembly(u32),
 }
 
-bitflags! {
-    /// Properties of an instance record.
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-    pub struct InstanceFlags: u32 {
-        /// The transform has a negative determinant.
-        const FLIPS_HANDEDNESS = 1;
-    }
-}
-
 /// One placement of a mesh or an assembly.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct InstanceRecord {
@@ -52,8 +41,8 @@ pub struct InstanceRecord {
     pub prototype_count: u32,
     /// Box of the placed target in the assembly's frame: min, max. Conservative for the f32 matrix above.
     pub bounds: [[f32; 3]; 2],
-    /// Flags of the record: its handedness.
-    pub flags: InstanceFlags,
+    /// True if the transform has a negative determinant.
+    pub flips_handedness: bool,
     /// Number of keys of a moving record, of which `object_from_parent` is none (it is at the frame's own time);
     /// else 0.
     pub keys: u32,
@@ -68,7 +57,7 @@ impl Default for InstanceRecord {
             index_in_prototype: 0,
             prototype_count: 1,
             bounds: [[0.0; 3]; 2],
-            flags: InstanceFlags::empty(),
+            flips_handedness: false,
             keys: 0,
         }
     }
@@ -334,7 +323,7 @@ impl AssemblyMember {
             index_in_prototype: self.run.index_in_prototype(rank),
             prototype_count: self.prototype_count(),
             bounds: [placed.bounds.min, placed.bounds.max],
-            flags: placed.flags,
+            flips_handedness: placed.flips_handedness,
             keys: self.key_count(),
         }
     }

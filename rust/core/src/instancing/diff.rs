@@ -4,8 +4,6 @@
 
 use rayon::prelude::*;
 
-use super::instance_primvars::MemberPrimvar;
-use super::placement::InstanceArrays;
 use crate::array::TypedArray;
 
 /// Number of elements compared at a time.
@@ -18,63 +16,34 @@ pub(crate) struct ChangedNumbers {
     bits: Vec<u64>,
     /// First number from which all are in the set, because one side does not have them.
     tail: usize,
+    /// Number of instances in the set, after [`Self::counted`].
     len: usize,
 }
 
 impl ChangedNumbers {
-    /// The instances whose elements differ bit for bit, or that only one side has; `None` unless both have the same
-    /// arrays, of the same types, and equal masks.
-    pub(crate) fn between(old: &InstanceArrays, new: &InstanceArrays) -> Option<Self> {
-        let [old_mask, old_arrays @ ..] = old.all();
-        let [new_mask, new_arrays @ ..] = new.all();
-        let same_mask = match (old_mask, new_mask) {
-            (None, None) => true,
-            (Some(a), Some(b)) => a.same_contents(b),
-            _ => false,
-        };
-        let [shorter, longer] = [old.len().min(new.len()), old.len().max(new.len())];
+    /// The instances that only one of two instancers with so many has.
+    pub(super) fn of_lengths(old: usize, new: usize) -> Self {
+        let [shorter, longer] = [old.min(new), old.max(new)];
         let tail = if shorter == longer { usize::MAX } else { shorter };
-        let mut numbers = Self { bits: Vec::new(), tail, len: longer - shorter };
-        for pair in old_arrays.into_iter().zip(new_arrays) {
-            match pair {
-                (None, None) => {}
-                (Some(a), Some(b)) if same_mask && a.element() == b.element() => {
-                    if a.identity() != b.identity() {
-                        numbers.add(a.view().bytes(), b.view().bytes(), a.element().size());
-                    }
-                }
-                _ => return None,
-            }
-        }
-        numbers.len += numbers.bits.par_iter().map(|word| word.count_ones() as usize).sum::<usize>();
-        same_mask.then_some(numbers)
+        Self { bits: Vec::new(), tail, len: longer - shorter }
     }
 
-    /// The instances that have another value in one of these lists; `None` unless both have the same primvars, of the
-    /// same types.
-    pub(crate) fn of_values(old: &[MemberPrimvar], new: &[MemberPrimvar]) -> Option<Self> {
-        let mut numbers = Self { bits: Vec::new(), tail: usize::MAX, len: 0 };
-        let mut add = |a: &TypedArray, b: &TypedArray| {
-            let comparable = a.element() == b.element() && a.len() == b.len();
-            if comparable && a.identity() != b.identity() {
-                numbers.add(a.view().bytes(), b.view().bytes(), a.element().size());
-            }
-            comparable
-        };
-        for (old, new) in old.iter().zip(new) {
-            let comparable = match (old.primvar.arrays(), new.primvar.arrays()) {
-                ((a, None), (b, None)) => add(a, b),
-                ((a, Some(i)), (b, Some(j))) => a.same_contents(b) && add(i, j),
-                _ => false,
-            };
-            if old.id != new.id || !comparable {
-                return None;
-            }
+    /// Adds the instances whose elements differ bit for bit; returns false if the types do.
+    pub(super) fn add(&mut self, old: &TypedArray, new: &TypedArray) -> bool {
+        let is_comparable = old.element() == new.element();
+        if is_comparable && old.identity() != new.identity() {
+            self.add_bytes(old.view().bytes(), new.view().bytes(), old.element().size());
         }
-        (old.len() == new.len()).then_some(numbers)
+        is_comparable
     }
 
-    fn add(&mut self, old: &[u8], new: &[u8], size: usize) {
+    /// The same set, with the number of instances in it.
+    pub(super) fn counted(mut self) -> Self {
+        self.len += self.bits.par_iter().map(|word| word.count_ones() as usize).sum::<usize>();
+        self
+    }
+
+    fn add_bytes(&mut self, old: &[u8], new: &[u8], size: usize) {
         let words = old.len().max(new.len()).div_ceil(size).div_ceil(64);
         if self.bits.len() < words {
             // The system usually zeroes this memory.

@@ -11,8 +11,8 @@ use std::sync::{Arc, OnceLock};
 
 use rayon::prelude::*;
 
-use super::reader::InstanceNumbers;
-use super::run::InstanceRun;
+use super::diff::ChangedNumbers;
+use super::run::{InstanceNumbers, InstanceRun};
 use crate::array::{ArrayView, ElementType, TypedArray};
 use crate::desc::{InstancerDesc, Interpolation, Primvar};
 
@@ -67,11 +67,7 @@ impl InstancePrimvar {
     }
 
     fn is_same(&self, other: &Self) -> bool {
-        let indices = match (&self.indices, &other.indices) {
-            (None, None) => true,
-            (Some(a), Some(b)) => a.same_contents(b),
-            _ => false,
-        };
+        let indices = TypedArray::same_optional(self.indices.as_ref(), other.indices.as_ref());
         indices && self.name == other.name && self.values.same_contents(&other.values)
     }
 
@@ -126,11 +122,6 @@ impl InstancePrimvar {
     pub(crate) fn is_all_one(&self) -> bool {
         self.findings().all_one
     }
-
-    /// Arrays with the values of instances, for comparisons: values, and indices.
-    pub(super) fn arrays(&self) -> (&TypedArray, Option<&TypedArray>) {
-        (&self.values, self.indices.as_ref())
-    }
 }
 
 /// A primvar that some target below a member reads.
@@ -149,6 +140,25 @@ impl MemberPrimvar {
     /// Returns true if both lists give the same values.
     pub(crate) fn are_same(a: &[Self], b: &[Self]) -> bool {
         a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a.id == b.id && Arc::ptr_eq(&a.primvar, &b.primvar))
+    }
+
+    /// The instances that have another value in one of these lists; `None` unless both have the same primvars, of the
+    /// same types.
+    pub(crate) fn changes(old: &[Self], new: &[Self]) -> Option<ChangedNumbers> {
+        let mut numbers = ChangedNumbers::of_lengths(0, 0);
+        let mut add = |a: &TypedArray, b: &TypedArray| a.len() == b.len() && numbers.add(a, b);
+        for (old, new) in old.iter().zip(new) {
+            let (a, b) = (&old.primvar, &new.primvar);
+            let is_comparable = match (&a.indices, &b.indices) {
+                (None, None) => add(&a.values, &b.values),
+                (Some(i), Some(j)) => a.values.same_contents(&b.values) && add(i, j),
+                _ => false,
+            };
+            if old.id != new.id || !is_comparable {
+                return None;
+            }
+        }
+        (old.len() == new.len()).then_some(numbers)
     }
 
     /// The columns of several lists, each once, in order.

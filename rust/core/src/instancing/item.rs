@@ -5,7 +5,8 @@
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 
-use super::placement::{InstanceFootprint, MATRIX_ERROR, nearest};
+use super::affine::{MATRIX_ERROR, nearest};
+use super::placement::InstanceFootprint;
 
 /// A coordinate far beyond any position, and finite in single precision.
 const HUGE: f64 = 1e30;

@@ -2,23 +2,21 @@
 //! Instance records: transforms, targets and bounds of the placements of instancers and prims. They are not stored but
 //! computed on demand from the arrays of the scene.
 //!
-//! Follow an instancer: its arrays are read element by element (`placement`: transforms, `array_motion`: their change
+//! Follow an instancer: its `arrays` are read element by element (`placement`: transforms, `array_motion`: their change
 //! in time), those that are usable are the ranks of a `run` (found by a `scan`), runs with their targets are the
-//! members of an [`assembly::Assembly`], which encodes records. `reader` measures one rank, for the partition as an
-//! `item`; `rescan` and `diff` spare work after edits. Pure; work is spread over the caller's rayon pool.
+//! members of an [`assembly::Assembly`], which encodes records. A run's `reader` measures one rank, for the partition
+//! as an `item`; `rescan` and `diff` spare work after edits. Pure; work is spread over the caller's rayon pool.
 
+pub(crate) mod affine;
 pub(crate) mod array_motion;
+pub(crate) mod arrays;
 pub(crate) mod assembly;
 pub(crate) mod diff;
 pub(crate) mod instance_primvars;
 pub(crate) mod item;
 pub(crate) mod motion;
-mod moving;
 pub(crate) mod placement;
-pub(crate) mod reader;
-mod rescan;
 pub(crate) mod run;
-pub(crate) mod scan;
 pub(crate) mod validate;
 
 use std::sync::Arc;

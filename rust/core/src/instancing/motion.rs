@@ -8,7 +8,7 @@
 
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 
-use super::placement::is_regular;
+use super::affine::is_regular;
 
 /// Largest number of keys of a placement.
 pub const MAX_KEYS: usize = 16;
@@ -201,11 +201,20 @@ impl PlacementKeys {
     }
 }
 
+/// Reduces samples to at most [`MAX_KEYS`], including the first and the last.
+pub(crate) fn thin_out<T: Clone>(samples: &mut Vec<T>) {
+    if samples.len() > MAX_KEYS {
+        let last = samples.len() - 1;
+        let pick = |at: usize| samples.get(at * last / (MAX_KEYS - 1)).cloned();
+        *samples = (0..MAX_KEYS).filter_map(pick).collect();
+    }
+}
+
 /// The keys of maps at times, which are in order; at most [`MAX_KEYS`] of them. `None` if a map cannot be decomposed,
 /// or mirrors while the one before does not.
 pub(crate) fn motion_keys(maps: &[(f64, DAffine3)]) -> Option<Vec<MotionKey>> {
     let mut maps = maps.to_vec();
-    super::array_motion::thin_out(&mut maps);
+    thin_out(&mut maps);
     let mut keys = PlacementKeys::new();
     #[expect(clippy::cast_possible_truncation, reason = "keys have times in single precision")]
     let key = |(time, map): &(f64, DAffine3)| MotionKey::of(*time as f32, map);

@@ -99,16 +99,18 @@ impl KeptMesh {
             Some(asset) => vec![MeshSummary::of(asset)],
             None => clusters.iter().map(|cluster| MeshSummary::clone(cluster)).collect(),
         };
-        let head = || postcard::to_allocvec(&EntryHead { is_split, meshes, dropped, notes: notes.clone() });
-        let head = key.and_then(|_| head().ok()).unwrap_or_default();
+        // A mesh whose head cannot be written has no entry that a later process would find and call damaged.
+        let head = || postcard::to_allocvec(&EntryHead { is_split, meshes, dropped, notes: notes.clone() }).ok();
+        let (key, head) = key.and_then(|key| Some((key, head()?))).unzip();
+        let head = head.unwrap_or_default();
         let asset = asset.map(|asset| {
             let bytes = asset.host_bytes();
             let held =
                 reserved.as_mut().map_or_else(|| storage.memory.try_hold(bytes), |reserved| reserved.keep(bytes));
             writer.put(asset, 0, key, &head, held)
         });
-        if let Some((files, key)) = entry.filter(|_| is_split) {
-            files.add(Some(key), &head, &[]);
+        if let Some((files, _)) = entry.filter(|_| is_split && key.is_some()) {
+            files.add(key, &head, &[]);
         }
         Self { asset, clusters, dropped, notes, is_left_out: false }
     }

@@ -14,7 +14,7 @@ use std::ops::Range;
 
 use super::lattice::MortonLattice;
 use crate::instancing::item::PlacementItem;
-use crate::instancing::scan::{ItemBucketing, UNUSABLE};
+use crate::instancing::run::{ItemBucketing, UNUSABLE};
 use crate::mesh::Aabb;
 
 /// Stands in place of a bucket for an item in a cell without samples.

@@ -13,12 +13,12 @@ use super::blocks::RecordBlock;
 use super::lattice::MortonLattice;
 use super::peaks::RecordPeaks;
 use super::which::IndexSet;
+use crate::instancing::affine::{MATRIX_ERROR, round_down, round_up};
 use crate::instancing::assembly::{AssemblyMember, InstanceRecord, InstanceTarget, RecordVisitor};
 use crate::instancing::instance_primvars::{ColumnReader, InstanceColumn, MemberPrimvar, write_value};
 use crate::instancing::item::PlacementItem;
 use crate::instancing::motion::MotionKey;
-use crate::instancing::placement::{MATRIX_ERROR, round_down, round_up};
-use crate::instancing::reader::RunReader;
+use crate::instancing::run::RunReader;
 use crate::mesh::Aabb;
 
 /// Cells with more members are not tested for small parts in a large box: patches may keep them as they are.

@@ -9,8 +9,8 @@
 use glam::DVec3;
 
 use super::peaks::RecordPeaks;
+use crate::instancing::affine::nearest;
 use crate::instancing::item::PlacementItem;
-use crate::instancing::placement::nearest;
 use crate::mesh::Aabb;
 
 /// Number of bits per axis.

@@ -22,7 +22,6 @@ use super::stretches::RankStretches;
 use super::{RECORD_BYTES, at_once, cuts_in_stretches};
 use crate::instancing::assembly::InstanceTarget;
 use crate::instancing::assembly::{Assembly, AssemblyMember};
-use crate::instancing::diff::ChangedNumbers;
 use crate::instancing::instance_primvars::{MemberPrimvar, value_bytes};
 use crate::instancing::item::PlacementItem;
 use crate::mesh::Aabb;
@@ -279,7 +278,7 @@ impl AssemblyPart {
                         changes.rebound.insert(known.id);
                     }
                     if !MemberPrimvar::are_same(&known.member.primvars, &member.primvars) {
-                        let numbers = ChangedNumbers::of_values(&known.member.primvars, &member.primvars);
+                        let numbers = MemberPrimvar::changes(&known.member.primvars, &member.primvars);
                         changes.revalued.insert(known.id, numbers);
                         changes.rebound.insert(known.id);
                     }

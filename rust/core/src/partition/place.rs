@@ -8,11 +8,9 @@ use rayon::prelude::*;
 use super::chunk::Chunk;
 use super::placement::OpenedPlacement;
 use super::{ChunkInstance, PartitionedWorld};
-use crate::instancing::placement::{MATRIX_ERROR, nearest, round_down, round_up};
+use crate::instancing::affine::{MATRIX_ERROR, MAX_MAGNITUDE, nearest, round_down, round_up};
 use crate::mesh::{Aabb, Bvh2, BvhNode, build_box_bvh};
 
-/// Largest coordinate of a chunk instance.
-const MAX_MAGNITUDE: f32 = 1e18;
 /// Rounding of an origin held as two floats, and of f64 arithmetic on the way to it.
 const ORIGIN_ERROR: f64 = 1.0 / (1_u64 << 44) as f64;
 

@@ -15,7 +15,7 @@ use super::cells::{ChunkCutter, OrderPiece};
 use super::chunk::Chunk;
 use crate::instancing::assembly::AssemblyMember;
 use crate::instancing::item::PlacementItem;
-use crate::instancing::reader::RunReader;
+use crate::instancing::run::RunReader;
 
 /// Number of ranks read by one task.
 const TASK: usize = 1 << 14;

@@ -239,11 +239,6 @@ impl ResidencyPlanner {
         &self.residents
     }
 
-    /// Number of loads in flight.
-    pub fn loads_in_flight(&self) -> usize {
-        self.loading.len()
-    }
-
     pub(super) fn pin_steps(&self) -> u32 {
         if self.options.pin_steps == 0 { DEFAULT_PIN_STEPS } else { self.options.pin_steps }
     }

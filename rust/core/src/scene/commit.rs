@@ -18,8 +18,7 @@ use super::snapshot::{SceneCounts, Snapshot, SurfaceTables};
 use crate::desc::{InstancedBy, LightDesc, LightKind, TransformSample};
 use crate::instancing::GroupId;
 use crate::instancing::assembly::{Assembly, AssemblyMember, InstanceTarget};
-use crate::instancing::run::{InstanceRun, RunSpec, TransformKey};
-use crate::instancing::scan::ScanOutput;
+use crate::instancing::run::{InstanceRun, RunSpec, ScanOutput, TransformKey};
 use crate::mesh::{Aabb, SceneMesh};
 use crate::partition::{OrderBuckets, at_once, cuts_in_stretches};
 

@@ -3,14 +3,14 @@
 
 use std::sync::{Arc, OnceLock};
 
-use super::dicing::MeshOutline;
 use super::linking::LinkClasses;
+use super::mesh_outline::MeshOutline;
 use crate::array::ArrayView;
 use crate::desc::DroppedData;
 use crate::desc::{InstancerDesc, MeshDesc};
 use crate::instancing::array_motion::ArrayMotion;
+use crate::instancing::arrays::InstanceArrays;
 use crate::instancing::instance_primvars::{InstancePrimvar, MemberPrimvar};
-use crate::instancing::placement::InstanceArrays;
 use crate::material::Cutout;
 use crate::mesh::{BuildDemand, DicingRate, KeptMesh, SlotDisplacements, WantedPrimvar, is_same_mesh};
 
@@ -25,9 +25,9 @@ pub(crate) struct MeshEntry {
     pub(crate) built: Option<Arc<KeptMesh>>,
     /// Rate at which its limit surface is cut.
     pub(crate) dicing: DicingRate,
-    /// The facts about it that [`super::dicing`] needs, once they were asked for; `None` again after the arrays or
+    /// The facts about it that dicing needs, once they were asked for; `None` again after the arrays or
     /// `wanted` change.
-    pub(crate) outline: OnceLock<MeshOutline>,
+    outline: OnceLock<MeshOutline>,
     /// Primvars that materials read.
     pub(crate) wanted: Vec<WantedPrimvar>,
     /// Displacements of its materials.
@@ -81,6 +81,11 @@ impl MeshEntry {
     pub(crate) fn demand(&self) -> BuildDemand<'_> {
         let Self { wanted, dicing, displacements, .. } = self;
         BuildDemand { wanted, dicing: Some(dicing), displacements, covers: &[], heights: None }
+    }
+
+    /// The facts about it that dicing needs.
+    pub(crate) fn outline(&self) -> &MeshOutline {
+        self.outline.get_or_init(|| MeshOutline::new(&self.desc, self.demand()))
     }
 
     /// Sets the cutouts of its materials; forgets an asset that was built with others.
@@ -139,7 +144,7 @@ impl InstancerEntry {
         let mut arrays = InstanceArrays::of(&desc);
         let is_usable = arrays.check_types(&mut dropped);
         let mut notes = Vec::new();
-        match ArrayMotion::of(&desc, &arrays) {
+        match ArrayMotion::of(&desc.motion, arrays.transforming(), arrays.len()) {
             Ok(motion) => arrays.motion = motion.filter(|_| is_usable).map(Arc::new),
             Err(why) => notes.push(format!("its instances do not move: {why}")),
         }

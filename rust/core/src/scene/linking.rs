@@ -1,24 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Light linking of instances: groups the instances of an instancer by the collections that they are in, and finds
-//! prims that are seen in several sets of collections. Pure.
+//! Light linking of instances: groups the instances of an instancer by the collections that they are in. Pure.
 //!
 //! A mesh below instancers is in the collections that it is in itself and in those of all instances that contain it.
 //! Instances of one prototype that are in different collections are placed apart, with a copy of the prototype's group
 //! for each set ([`LinkCategories`]); the meshes in it are the same, under prim ids of their own, by which links are
-//! looked up ([`LinkedPrims`]). Only collections that some light names count.
+//! looked up (`linked_prims`). Only collections that some light names count.
 
-use oocpt_abi::MAX_PRIM_ID;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-use rustc_hash::FxHashMap;
-
-use super::entries::MeshEntry;
 use crate::array::{ElementType, TypedArray};
 use crate::desc::{InstanceLinks, InstancerDesc, LightDesc, LightKind};
-
-/// Largest number of prims that are seen in sets of collections other than their own.
-pub(crate) const MAX_LINKED_PRIMS: usize = 1 << 20;
 
 /// A set of collections, sorted; empty for none.
 pub(crate) type LinkCategories = Arc<[Arc<str>]>;
@@ -134,56 +126,6 @@ pub(crate) fn union(a: &LinkCategories, b: &LinkCategories) -> LinkCategories {
     }
     let all: BTreeSet<&Arc<str>> = a.iter().chain(b.iter()).collect();
     all.into_iter().cloned().collect()
-}
-
-/// A mesh that is seen in collections besides its own, under a prim id that no prim has.
-#[derive(Clone, Debug)]
-pub(crate) struct LinkedPrim {
-    pub(crate) path: Arc<str>,
-    pub(crate) prim_id: i32,
-    pub(crate) categories: LinkCategories,
-}
-
-/// The prims of a plan that are seen in collections besides their own, numbered in the order of the plan.
-#[derive(Debug, Default)]
-pub(crate) struct LinkedPrims {
-    known: FxHashMap<(Arc<str>, LinkCategories), i32>,
-    list: Vec<LinkedPrim>,
-    /// First of their prim ids, once one is needed.
-    first: Option<usize>,
-}
-
-impl LinkedPrims {
-    /// The prim id of a mesh below instances that are in `categories`; `None`: there are too many of them.
-    pub(crate) fn prim_id(
-        &mut self,
-        meshes: &BTreeMap<Arc<str>, MeshEntry>,
-        entry: &MeshEntry,
-        categories: &LinkCategories,
-    ) -> Option<i32> {
-        if categories.iter().all(|name| entry.desc.categories.contains(name)) {
-            return Some(entry.desc.prim_id);
-        }
-        let key = (Arc::clone(&entry.desc.prim.path), Arc::clone(categories));
-        if let Some(known) = self.known.get(&key) {
-            return Some(*known);
-        }
-        let first = *self.first.get_or_insert_with(|| {
-            let ids = meshes.values().filter_map(|mesh| usize::try_from(mesh.desc.prim_id).ok());
-            // A few more prims do not change the numbers.
-            ids.filter(|&id| id < MAX_PRIM_ID as usize).max().map_or(1, |last| (last + 1).next_power_of_two())
-        });
-        let number =
-            Some(first + self.list.len()).filter(|&id| id < MAX_PRIM_ID as usize && self.list.len() < MAX_LINKED_PRIMS);
-        let prim_id = i32::try_from(number?).ok()?;
-        self.list.push(LinkedPrim { path: Arc::clone(&key.0), prim_id, categories: Arc::clone(categories) });
-        self.known.insert(key, prim_id);
-        Some(prim_id)
-    }
-
-    pub(crate) fn list(&self) -> &[LinkedPrim] {
-        &self.list
-    }
 }
 
 #[cfg(test)]

@@ -12,8 +12,10 @@ mod dicing;
 mod entries;
 mod lent;
 mod light;
+mod linked_prims;
 mod linking;
 mod mesh_lights;
+mod mesh_outline;
 mod mesh_placements;
 mod mesh_store;
 mod placement_motion;
@@ -45,10 +47,9 @@ pub use lent::LentBytes;
 use lent::{LentArrays, instancer_arrays, mesh_arrays};
 pub use resolve::MAX_NESTING;
 pub use snapshot::{
-    Aabb, Assembly, Attribute, Bvh2, BvhError, BvhNode, DomeTexture, IesError, IesProfile, InstanceFlags,
-    InstanceRecord, InstanceTarget, Light, LightEmitter, LightMotion, LightShaping, LinkTable, LocalLight, LocalShape,
-    MeshAsset, PrimRecord, SceneCounts, SceneMesh, SceneWarning, Snapshot, SnapshotError, SurfaceTables, Triangle,
-    blackbody,
+    Aabb, Assembly, Attribute, Bvh2, BvhError, BvhNode, DomeTexture, IesError, IesProfile, InstanceRecord,
+    InstanceTarget, Light, LightEmitter, LightMotion, LightShaping, LinkTable, LocalLight, LocalShape, MeshAsset,
+    PrimRecord, SceneCounts, SceneMesh, SceneWarning, Snapshot, SnapshotError, SurfaceTables, Triangle, blackbody,
 };
 
 pub use mesh_lights::MESH_LIGHT;
@@ -100,7 +101,7 @@ pub struct SceneDb {
     material_edits: u64,
     /// Purposes that are shown, by [`canonical_purpose`]; empty: all.
     purposes: Vec<String>,
-    /// True if something was edited since the last commit.
+    /// True if something was edited since the last commit that ended.
     edited: bool,
     mesh_store: MeshStore,
     surface_store: SurfaceStore,
@@ -324,9 +325,9 @@ impl SceneDb {
     }
 
     /// Applies the edits since the last commit. New meshes are built on the rayon pool; everything else is shared with
-    /// the last snapshot.
+    /// the last snapshot. After a panic the next commit does the same again.
     pub fn commit(&mut self) -> SceneCommit {
-        if !std::mem::take(&mut self.edited) {
+        if !self.edited {
             return SceneCommit { snapshot: self.snapshot.clone(), warnings: Vec::new(), changed: false };
         }
         let mut reports = CommitReports::default();
@@ -352,6 +353,7 @@ impl SceneDb {
             self.snapshot = Arc::new(next);
         }
         self.mesh_store.forget_unused();
+        self.edited = false;
         SceneCommit { snapshot: self.snapshot.clone(), warnings: self.new_warnings(&reports), changed }
     }
 

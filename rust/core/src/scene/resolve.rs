@@ -9,14 +9,15 @@ use glam::DAffine3;
 use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::entries::{InstancerEntry, MeshEntry};
-use super::linking::{LinkCategories, LinkClass, LinkedPrims, MAX_LINKED_PRIMS, union};
+use super::linked_prims::{LinkedPrims, MAX_LINKED_PRIMS};
+use super::linking::{LinkCategories, LinkClass, union};
 use super::report::CommitReports;
 use crate::desc::{InstancedBy, InstancerPrototype, PrimDesc, TransformSample};
 use crate::instancing::GroupId;
+use crate::instancing::affine::usable_affine;
 use crate::instancing::array_motion::transform_motion;
 use crate::instancing::instance_primvars::MemberPrimvar;
 use crate::instancing::motion::{MotionKey, PlacementKeys};
-use crate::instancing::placement::usable_affine;
 use crate::instancing::run::{PrototypeInstances, TransformKey};
 use crate::mesh::SceneMesh;
 

@@ -16,7 +16,7 @@ pub use super::light::{
     LocalShape, blackbody,
 };
 pub use super::report::SceneWarning;
-pub use crate::instancing::assembly::{Assembly, InstanceFlags, InstanceRecord, InstanceTarget};
+pub use crate::instancing::assembly::{Assembly, InstanceRecord, InstanceTarget};
 pub use crate::mesh::{Aabb, Attribute, Bvh2, BvhError, BvhNode, LeafKind, MeshAsset, SceneMesh, Triangle};
 
 /// Sizes of a scene.

@@ -9,7 +9,7 @@ use std::sync::Arc;
 use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::entries::{InstancerEntry, MeshEntry, SlotCutouts};
-use super::linking::LinkedPrims;
+use super::linked_prims::LinkedPrims;
 use super::mesh_lights::{MESH_LIGHT, MeshLight};
 use super::report::CommitReports;
 use super::snapshot::{PrimRecord, SurfaceTables};

@@ -18,6 +18,9 @@ impl NetworkWalker<'_> {
                 let alpha = e.multiply(roughness, roughness);
                 let alpha = e.op(Op::Clamp, [alpha, Val::number(LEAST), Val::ONE], 0);
                 let less = e.op(Op::Clamp, [anisotropy, Val::ZERO, Val::number(0.98)], 0);
+                if less.is(0.0, 1) {
+                    return Some(alpha);
+                }
                 let rest = e.complement(less);
                 let aspect = e.unary(Op::Sqrt, rest);
                 let (along, across) = (e.divide(alpha, aspect), e.multiply(alpha, aspect));

@@ -242,21 +242,25 @@ impl NetworkWalker<'_> {
         })
     }
 
-    /// Roughness, ratio and rotation of the two alphas that a lobe has: the root of the root of the mean of their
-    /// squares where they are known, else the root of their mean.
+    /// Roughness, ratio and rotation of the two alphas that a lobe has. The roughness is the root of the root of the mean
+    /// of their squares.
     fn lobe_roughness(&mut self, at: NodeAddress) -> (Val, Val, Val) {
         let alphas = self.number_or(at, "roughness", 0.05);
-        if let Some([x, y, ..]) = alphas.constant()
-            && x != y
-            && x.min(y) >= 0.0
-        {
-            let roughness = (0.5 * (x * x + y * y)).sqrt().sqrt();
-            let rotation = if y > x { 0.25 } else { 0.0 };
-            return (Val::number(roughness), Val::number(x.min(y) / x.max(y)), Val::number(rotation));
-        }
         let e = &mut self.expressions;
-        let mean = e.dot(alphas, Val::number(0.5), 2);
-        (e.unary(Op::Sqrt, mean), Val::ONE, Val::ZERO)
+        let is_negative = alphas.constant().is_some_and(|[x, y, ..]| x.min(y) < 0.0);
+        if is_negative || e.is_even(alphas) {
+            let mean = e.dot(alphas, Val::number(0.5), 2);
+            return (e.unary(Op::Sqrt, mean), Val::ONE, Val::ZERO);
+        }
+        let sum = e.dot(alphas, alphas, 2);
+        let mean = e.multiply(sum, Val::number(0.5));
+        let root = e.unary(Op::Sqrt, mean);
+        let roughness = e.unary(Op::Sqrt, root);
+        let [x, y] = [0, 1].map(|axis| e.component(alphas, axis));
+        let (least, most) = (e.binary(Op::Min, x, y), e.binary(Op::Max, x, y));
+        let is_across = e.binary(Op::Greater, y, x);
+        let rotation = e.op(Op::Select, [Val::number(0.25), Val::ZERO, is_across], 0);
+        (roughness, e.divide(least, most), rotation)
     }
 
     /// Computes ((n - 1)^2 + k^2) / ((n + 1)^2 + k^2).

@@ -254,7 +254,7 @@ impl NetworkWalker<'_> {
         }
     }
 
-    /// Burley (2012, 2015) without flatness, diffuse transmission and the tints of specular reflection and sheen.
+    /// Burley (2012, 2015) without flatness, diffuse transmission and the tint of specular reflection.
     fn disney(&mut self, at: NodeAddress) -> OpenPbrSlab {
         self.report_unsupported(
             at,
@@ -274,6 +274,10 @@ impl NetworkWalker<'_> {
         // F0 is 0.08 `specular`; the slab has 0.04 times the weight, at an index of refraction of 1.5.
         let specular_weight = e.multiply(specular, Val::number(2.0));
         let transmission_color = e.unary(Op::Sqrt, color);
+        let (sheen, sheen_tint) = (self.number_or(at, "sheen", 0.0), self.number_or(at, "sheenTint", 0.5));
+        let e = &mut self.expressions;
+        let sheen_color = e.mix(Val::ONE, color, sheen_tint);
+        let fuzz = e.multiply(sheen, sheen_color);
         let coat = self.number_or(at, "clearcoat", 0.0);
         let transmission = self.number_or(at, "specTrans", 0.0);
         // `ior` belongs to transmission; reflection without it is by `specular` alone.
@@ -297,7 +301,7 @@ impl NetworkWalker<'_> {
             coat: self.expressions.multiply(coat, Val::number(0.25)),
             coat_roughness,
             coat_ior: Val::number(1.5),
-            fuzz: self.number_or(at, "sheen", 0.0),
+            fuzz,
             normal: self.normal(at, "normal"),
             ..OpenPbrSlab::BLACK
         }
@@ -339,10 +343,18 @@ impl NetworkWalker<'_> {
         OpenPbrSlab { specular_color: e.divide(specular, reflectance), ..slab }
     }
 
+    /// Light that is transmitted goes on as if nothing were there: its share counts as what is not opaque.
     fn unlit(&mut self, at: NodeAddress) -> OpenPbrSlab {
+        let (opacity, transmission) = (self.number_or(at, "opacity", 1.0), self.number_or(at, "transmission", 0.0));
+        if !transmission.is(0.0, 1) {
+            self.report_unsupported(at, &[("transmission_color", 1.0, "tinted transmission of `surface_unlit`")]);
+        }
+        let e = &mut self.expressions;
+        let transmission = e.op(Op::Clamp, [transmission, Val::ZERO, Val::ONE], 0);
+        let rest = e.complement(transmission);
         OpenPbrSlab {
+            opacity: e.multiply(opacity, rest),
             emission: self.product(at, ["emission", "emission_color"]),
-            opacity: self.number_or(at, "opacity", 1.0),
             ior: Val::ONE,
             ..OpenPbrSlab::BLACK
         }

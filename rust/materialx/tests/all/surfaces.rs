@@ -169,6 +169,48 @@ fn every_model_is_a_surface() {
     assert_eq!(constant(source(&unlit, Input::EmissiveColor))[..3], [2.0, 1.0, 0.0]);
 }
 
+/// What `surface_unlit` transmits goes on as it came, so its share is one of what is not opaque.
+#[test]
+fn unlit_transmission_makes_the_surface_less_opaque() {
+    let of = |values: &[(&'static str, _)]| {
+        let translation = translated(vec![node("ND_surface_unlit", values, &[])]);
+        (constant(source(&translation, Input::Opacity))[0], translation.problems.len())
+    };
+    assert_eq!(of(&[("opacity", number(0.5)), ("transmission", number(0.25))]), (0.375, 0));
+    assert_eq!(of(&[("transmission", number(2.0))]), (0.0, 0), "limited");
+    assert_eq!(of(&[("transmission", number(0.5)), ("transmission_color", vector(1.0, 0.5, 0.0))]), (0.5, 1));
+}
+
+/// The sheen of Disney is white, mixed with the colour of the base by its tint, half of each where none is said.
+#[test]
+fn the_sheen_tint_of_disney_mixes_in_the_base_color() {
+    let sheen = |values: &[(&'static str, _)]| {
+        let color = ("baseColor", vector(0.25, 0.5, 1.0));
+        let values: Vec<_> = values.iter().cloned().chain([color, ("sheen", number(0.5))]).collect();
+        constant(source(&sound(vec![node("ND_disney_principled", &values, &[])]), Input::SheenColor))
+    };
+    assert_eq!(sheen(&[("sheenTint", number(0.0))])[..3], [0.5; 3]);
+    assert_eq!(sheen(&[("sheenTint", number(1.0))])[..3], [0.125, 0.25, 0.5]);
+    assert_eq!(sheen(&[])[..3], [0.3125, 0.375, 0.5]);
+}
+
+/// A closure whose two alphas come from a picture is anisotropic; one with a picture for both alike is not.
+#[test]
+fn pictures_of_two_alphas_make_an_anisotropic_lobe() {
+    let anisotropy = |anisotropy: usize| {
+        let translation = sound(vec![
+            node("ND_surface", &[], &[("bsdf", 1)]),
+            node("ND_conductor_bsdf", &[], &[("roughness", 2)]),
+            node("ND_roughness_anisotropy", &[], &[("roughness", 3), ("anisotropy", anisotropy)]),
+            node("ND_image_float", &[("file", file("rough.png"))], &[]),
+            node("ND_constant_float", &[("value", number(0.0))], &[]),
+        ]);
+        source(&translation, Input::Anisotropy)
+    };
+    assert!(matches!(anisotropy(3), InputSource::Register(_)), "{:?}", anisotropy(3));
+    assert_eq!(constant(anisotropy(4)), [1.0, 0.0, 1.0, 0.0]);
+}
+
 /// Disney's `ior` is of transmission; without any, reflection at normal incidence is 0.08 `specular`.
 #[test]
 fn the_index_of_disney_is_of_transmission_alone() {

@@ -10,7 +10,7 @@ use super::values::ValueLayout;
 use oocpt_abi::{FLIPS_HANDEDNESS, GpuInstance, GpuMotionKey, TARGET_ASSEMBLY, TARGET_MOVING};
 use oocpt_core::Aabb;
 use oocpt_core::mesh::build_level;
-use oocpt_core::scene::{InstanceFlags, InstanceRecord, InstanceTarget, MotionKey};
+use oocpt_core::scene::{InstanceRecord, InstanceTarget, MotionKey};
 use std::ops::Range;
 
 /// Records that one thread encodes at a time.
@@ -135,7 +135,7 @@ pub(crate) fn motion_key(key: &MotionKey) -> GpuMotionKey {
 }
 
 fn instance(record: &InstanceRecord) -> GpuInstance {
-    let flip = if record.flags.contains(InstanceFlags::FLIPS_HANDEDNESS) { FLIPS_HANDEDNESS } else { 0 };
+    let flip = if record.flips_handedness { FLIPS_HANDEDNESS } else { 0 };
     GpuInstance {
         object_from_parent: record.object_from_parent,
         target: match record.target {

@@ -5,6 +5,7 @@
 //! effect between submissions, which are short.
 
 use super::{WavefrontTracer, finish};
+use crate::device::WAVE_TIMEOUT;
 use crate::error::RenderError;
 use crate::frame::context::FrameContext;
 use crate::frame::progress::FrameProgress;
@@ -14,10 +15,13 @@ use crate::wavefront::PathKind;
 use oocpt_abi::WavefrontCounters;
 use oocpt_gpu::Submission;
 use std::collections::VecDeque;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// Submissions under way at the same time.
 pub(crate) const IN_FLIGHT: usize = 2;
+
+/// While the device works, the host is heard so often.
+const HEARS_EVERY: Duration = Duration::from_millis(1);
 
 /// How a stage ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -98,6 +102,12 @@ pub(crate) trait PathSource {
         progress: &mut FrameProgress<'_>,
     ) -> Result<Option<SubmittedWork<Self::StepData>>, RenderError>;
 
+    /// Has the device leave out what it has not begun of the work under way, for a picture that is given up: none of it
+    /// counts any more. False if it cannot.
+    fn cancel(&self) -> Result<bool, RenderError> {
+        Ok(false)
+    }
+
     /// After the images and the error of a submission were taken.
     fn end_submission(&mut self, progress: &mut FrameProgress<'_>) -> Result<(), RenderError>;
 
@@ -145,11 +155,18 @@ pub(super) fn run<F: PathSource>(
         let next = if in_flight.len() < IN_FLIGHT { source.submit_next(&in_flight, progress)? } else { None };
         if let Some(work) = next {
             in_flight.push_back(InFlightSubmission { work, submitted: Instant::now() });
-        } else if !in_flight.is_empty() {
-            retire_oldest(source, &mut in_flight, &mut last_end, gate, progress)?;
+        } else if let Some(oldest) = in_flight.front() {
+            if is_worth_waiting(&oldest.work.submission, gate)? {
+                retire_oldest(source, &mut in_flight, &mut last_end, gate, progress)?;
+            }
         } else if !source.wait(progress)? {
             break;
         }
+    }
+    let goes_on = gate.leads_on_from(source.tracer().context.job);
+    if outcome == StageOutcome::GivenUp && gate.is_superseded() && !goes_on && source.cancel()? {
+        progress.film_is_lost();
+        return in_flight.iter().try_for_each(|late| finish(&late.work.submission, progress)).map(|()| outcome);
     }
     while !in_flight.is_empty() {
         retire_oldest(source, &mut in_flight, &mut last_end, gate, progress)?;
@@ -157,6 +174,21 @@ pub(super) fn run<F: PathSource>(
     source.advance(&in_flight, progress)?;
     source.ended(progress);
     Ok(outcome)
+}
+
+/// Waits until a submission has ended; false as soon as a newer job counts instead.
+fn is_worth_waiting(submission: &Submission, gate: &FrameGate<'_>) -> Result<bool, RenderError> {
+    let end = Instant::now() + WAVE_TIMEOUT;
+    while Instant::now() < end {
+        if submission.wait(HEARS_EVERY)? {
+            return Ok(true);
+        }
+        if gate.is_superseded() {
+            return Ok(false);
+        }
+    }
+    // It has taken too long, which is said where its end is taken.
+    Ok(true)
 }
 
 /// Waits for the oldest submission and takes what it left.
@@ -180,7 +212,7 @@ fn retire_oldest<F: PathSource>(
     let Some(work) = work else { return Ok(()) };
     let FrameContext { film, device, .. } = *source.tracer().context;
     progress.note_driver_usage(device);
-    if let Some(extent) = work.publishes {
+    if let Some(extent) = work.publishes.filter(|_| !gate.is_superseded()) {
         progress.publish(film, extent)?;
     }
     progress.octaves(film, &work.octaves)?;

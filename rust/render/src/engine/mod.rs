@@ -33,6 +33,9 @@ use oocpt_core::inventory::RenderInventory;
 use oocpt_core::settings::TraversalKind;
 use oocpt_gpu::{Buffer, BufferUsage, CommandList, Submission};
 
+/// Where the word that cancels is in the buffer of the frame block.
+const CANCELLED: u64 = size_of::<FrameConstants>() as u64;
+
 /// What every submission of a frame refers to.
 #[derive(Debug)]
 pub(crate) struct WavefrontTracer<'a> {
@@ -43,8 +46,9 @@ pub(crate) struct WavefrontTracer<'a> {
     backend: TraversalBackend,
     /// What the trace passes write.
     written: Vec<&'a Buffer>,
-    /// The frame block.
+    /// The frame block, and behind it the word that cancels.
     frame: Buffer,
+    can_cancel: bool,
     /// Keys of a camera that moves, and its clipping planes: the frame block has their addresses.
     _camera: [Option<Buffer>; 2],
 }
@@ -130,9 +134,23 @@ impl<'a> WavefrontTracer<'a> {
         progress.made_of(specialise::left_out(features, film.has_planes()), inventory);
         paths.bind(&mut block);
         bind(&mut block);
-        let frame = Buffer::new(&device.gpu, "frame", size_of::<FrameConstants>() as u64, BufferUsage::Upload)?;
+        let frame = Buffer::new(&device.gpu, "frame", CANCELLED + 4, BufferUsage::Upload)?;
+        let can_cancel = context.job.settings.interactive && !features.contains(Features::STREAMING);
+        if can_cancel {
+            block.cancelled = frame.address() + CANCELLED;
+            frame.write(CANCELLED, &[0; 4])?;
+        }
         frame.write(0, bytemuck::bytes_of(&block))?;
-        Ok(Self { context, paths, passes, special, backend, written: paths.written(), frame, _camera: camera })
+        let written = paths.written();
+        Ok(Self { context, paths, passes, special, backend, written, frame, can_cancel, _camera: camera })
+    }
+
+    /// Has rounds that the device has not begun do nothing, for a picture that is given up; false if it cannot.
+    pub(crate) fn cancel(&self) -> Result<bool, RenderError> {
+        if self.can_cancel {
+            self.frame.write(CANCELLED, &1_u32.to_ne_bytes())?;
+        }
+        Ok(self.can_cancel)
     }
 
     /// Says what the trace passes write besides what belongs to the paths.

@@ -264,6 +264,10 @@ impl PathSource for WaveSource<'_> {
         Ok(Some(work))
     }
 
+    fn cancel(&self) -> Result<bool, RenderError> {
+        self.tracer.cancel()
+    }
+
     fn end_submission(&mut self, progress: &mut FrameProgress<'_>) -> Result<(), RenderError> {
         if self.ended.take().is_some() {
             self.schedule.cut_at(progress.begin_samples(self.tracer.context.film));

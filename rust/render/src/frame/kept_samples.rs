@@ -8,7 +8,6 @@
 use crate::frame::context::paths;
 use crate::job::RenderJob;
 use crate::report::error_log::ErrorHistory;
-use std::sync::Arc;
 
 /// See the module.
 #[derive(Clone, Debug)]
@@ -27,18 +26,7 @@ pub(crate) struct KeptSamples {
 impl KeptSamples {
     /// Whether `job` goes on with them: it has the same samples, and no fewer.
     pub(crate) fn serve(&self, job: &RenderJob) -> bool {
-        let have = &self.job;
-        let same_images = match (&have.images, &job.images) {
-            (Some(have), Some(images)) => Arc::ptr_eq(have, images),
-            (have, images) => have.is_none() && images.is_none(),
-        };
-        job.goes_on
-            && have.snapshot.version == job.snapshot.version
-            && have.request == job.request
-            && have.options == job.options
-            && Arc::ptr_eq(&have.files, &job.files)
-            && same_images
-            && job.settings.goes_on_from(&have.settings)
+        job.has_samples_of(&self.job)
             && self.paths <= paths(job)
             && self.history.leads_to(job.request.pixels(), self.paths, job.settings.target_error)
     }

@@ -68,6 +68,8 @@ pub(crate) struct FrameProgress<'a> {
     before: WavefrontCounters,
     /// Another path source goes on.
     has_left_off: bool,
+    /// The film has parts of waves that were cancelled.
+    is_film_lost: bool,
     /// `WavefrontCounters::nonfinite_pixel`.
     nonfinite_pixel: u32,
     pub(crate) timings: RenderTimings,
@@ -112,6 +114,7 @@ impl<'a> FrameProgress<'a> {
             knows_kept: false,
             before: WavefrontCounters::default(),
             has_left_off: false,
+            is_film_lost: false,
             nonfinite_pixel: 0,
             log: ErrorLog::start(shared, job),
             layout: job.request.layout(),
@@ -131,7 +134,7 @@ impl<'a> FrameProgress<'a> {
         self.decided = None;
         self.kept = None;
         self.before = WavefrontCounters::default();
-        self.has_left_off = false;
+        (self.has_left_off, self.is_film_lost) = (false, false);
         *lock(&self.shared.reached) = (self.generation, 0);
         self.log.begin_again();
     }
@@ -155,7 +158,7 @@ impl<'a> FrameProgress<'a> {
     pub(crate) fn samples(&self, job: &RenderJob, film: &Film) -> Option<KeptSamples> {
         let is_plain = film.has_color() && film.adaptive().is_none() && !job.settings.straggler_roulette;
         let nonfinite = u32::try_from(lock(&self.shared.stats).nonfinite_samples).unwrap_or(u32::MAX);
-        (is_plain && self.done >= self.pixels).then(|| KeptSamples {
+        (is_plain && self.done >= self.pixels && !self.is_film_lost).then(|| KeptSamples {
             job: job.clone(),
             paths: self.done,
             nonfinite: (nonfinite, self.nonfinite_pixel),
@@ -249,6 +252,11 @@ impl<'a> FrameProgress<'a> {
         self.has_left_off = true;
     }
 
+    /// Work under way was cancelled, and the film has parts of it.
+    pub(crate) fn film_is_lost(&mut self) {
+        self.is_film_lost = true;
+    }
+
     /// Whether another path source goes on.
     pub(crate) fn has_left_off(&self) -> bool {
         self.has_left_off
@@ -268,9 +276,11 @@ impl<'a> FrameProgress<'a> {
     /// whole for the first time, and from time to time.
     pub(crate) fn publish_due(&mut self, extent: PictureExtent) -> bool {
         let now = Instant::now();
+        let is_last = extent.samples != u64::MAX && extent.samples >= self.total_paths();
         let is_whole = extent.covers(self.pixels);
         let is_first = is_whole && !self.is_whole;
-        if !self.interactive || (now < self.next_publish && !is_first) {
+        // The end of the render publishes the last one.
+        if !self.interactive || is_last || (now < self.next_publish && !is_first) {
             return false;
         }
         if !is_whole && (self.decided.is_some() || self.shown_extent(extent).is_none()) {

@@ -5,68 +5,64 @@
 //! `Color` is averaged over samples; every other image is traced once through pixel centres with a pinhole camera, so
 //! that ids and depth are exact and do not depend on sampling.
 
-/// One kind of image: tightly packed, native endian, bottom row first.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub enum AovKind {
-    /// Linear Rec.709 radiance, premultiplied by alpha; 4 x f32.
-    Color,
+macro_rules! aov_kinds {
+    ($($(#[doc = $doc:literal])+ $name:ident: $token:literal, $channels:literal;)+) => {
+        /// One kind of image: tightly packed, native endian, bottom row first.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+        pub enum AovKind {
+            $($(#[doc = $doc])+ $name,)+
+        }
+
+        impl AovKind {
+            /// Every kind, in the order of the enum.
+            pub const ALL: [Self; [$(Self::$name),+].len()] = [$(Self::$name),+];
+
+            /// Hydra's token for this image (`HdAovTokens`, and names of our own for what it has none for).
+            pub fn token(self) -> &'static str {
+                match self {
+                    $(Self::$name => $token,)+
+                }
+            }
+
+            /// 32-bit channels of one pixel.
+            pub fn channels(self) -> usize {
+                match self {
+                    $(Self::$name => $channels,)+
+                }
+            }
+        }
+    };
+}
+
+// A row is a kind, Hydra's token for it, and its number of 32-bit channels.
+aov_kinds! {
+    /// Linear Rec.709 radiance, premultiplied by alpha; f32.
+    Color: "color", 4;
     /// Clip-space depth mapped to 0 (near) .. 1 (far); f32.
-    Depth,
+    Depth: "depth", 1;
     /// Distance along the view axis, scene units; f32.
-    CameraDepth,
+    CameraDepth: "cameraDepth", 1;
     /// Hydra's prim id of the mesh; i32, -1 on a miss.
-    PrimId,
+    PrimId: "primId", 1;
     /// Flat instance index, outer instancer slowest (as `HdEmbree` numbers them); i32, -1 on a miss.
-    InstanceId,
+    InstanceId: "instanceId", 1;
     /// Authored face index; i32, -1 on a miss.
-    ElementId,
-    /// Shading normal in world space; 3 x f32.
-    Normal,
-    /// Shading normal in camera space; 3 x f32.
-    Neye,
-    /// Diffuse albedo; 3 x f32.
-    Albedo,
+    ElementId: "elementId", 1;
+    /// Shading normal in world space; f32.
+    Normal: "normal", 3;
+    /// Shading normal in camera space; f32.
+    Neye: "Neye", 3;
+    /// Diffuse albedo; f32.
+    Albedo: "albedo", 3;
     /// The distance that a visible point moves over the image from the shutter's opening to its closing: pixels to the
-    /// right, pixels up, and the change of `CameraDepth`; 3 x f32.
-    Motion,
+    /// right, pixels up, and the change of `CameraDepth`; f32.
+    Motion: "motion", 3;
     /// Samples of the pixel so far (`sampleCount`, as `RenderMan` names it); f32. Samples are taken for it as for
     /// `Color`.
-    SampleCount,
+    SampleCount: "sampleCount", 1;
 }
 
 impl AovKind {
-    /// Every kind, in the order of the enum.
-    pub const ALL: [Self; 11] = [
-        Self::Color,
-        Self::Depth,
-        Self::CameraDepth,
-        Self::PrimId,
-        Self::InstanceId,
-        Self::ElementId,
-        Self::Normal,
-        Self::Neye,
-        Self::Albedo,
-        Self::Motion,
-        Self::SampleCount,
-    ];
-
-    /// Hydra's token for this image (`HdAovTokens`, and names of our own for what it has none for).
-    pub fn token(self) -> &'static str {
-        match self {
-            Self::Color => "color",
-            Self::Depth => "depth",
-            Self::CameraDepth => "cameraDepth",
-            Self::PrimId => "primId",
-            Self::InstanceId => "instanceId",
-            Self::ElementId => "elementId",
-            Self::Normal => "normal",
-            Self::Neye => "Neye",
-            Self::Albedo => "albedo",
-            Self::Motion => "motion",
-            Self::SampleCount => "sampleCount",
-        }
-    }
-
     /// The kind named by Hydra's token, if OocPT renders it.
     pub fn from_token(token: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|kind| kind.token() == token)
@@ -75,17 +71,6 @@ impl AovKind {
     /// Bytes of one pixel.
     pub fn pixel_bytes(self) -> usize {
         4 * self.channels()
-    }
-
-    /// 32-bit channels of one pixel.
-    pub fn channels(self) -> usize {
-        match self {
-            Self::Color => 4,
-            Self::Normal | Self::Neye | Self::Albedo | Self::Motion => 3,
-            Self::Depth | Self::CameraDepth | Self::PrimId | Self::InstanceId | Self::ElementId | Self::SampleCount => {
-                1
-            }
-        }
     }
 }
 

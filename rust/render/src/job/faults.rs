@@ -2,8 +2,11 @@
 //! Faults and controls that tests set. They are compiled only with the feature `faults`, which the tests of this
 //! workspace turn on: the product has none of them.
 
+use crate::sync::lock;
 use oocpt_abi::Features;
 use oocpt_gpu::{DriverMemory, PlantedFailure};
+use std::sync::{Condvar, Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
 /// The ways in which a session deviates from what its scene asks for; none by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -67,6 +70,82 @@ impl FaultWitness {
             driver: gpu.driver_memory(),
             peak_budgeted_bytes: gpu.peak_budgeted_bytes(),
             budgeted_bytes: memory.used + memory.host_used,
+        }
+    }
+}
+
+/// The time after which a closed gate opens: a test that nobody opens it for is to fail, not to hang.
+const OPENS: Duration = Duration::from_secs(20);
+
+/// A gate that each commit of a session passes when its edits are applied.
+#[derive(Debug, Default)]
+pub struct CommitGate {
+    state: Mutex<GateState>,
+    changed: Condvar,
+}
+
+#[derive(Debug, Default)]
+struct GateState {
+    is_closed: bool,
+    /// Commits that have come to the gate.
+    arrived: u64,
+    passed: u64,
+    /// So many commits fail.
+    failures: u32,
+}
+
+impl CommitGate {
+    /// Commits wait from now on until [`Self::open`].
+    pub fn close(&self) {
+        lock(&self.state).is_closed = true;
+    }
+
+    /// Lets commits pass.
+    pub fn open(&self) {
+        lock(&self.state).is_closed = false;
+        self.changed.notify_all();
+    }
+
+    /// Makes so many commits fail.
+    pub fn fail(&self, commits: u32) {
+        lock(&self.state).failures = commits;
+    }
+
+    /// Commits that have come to the gate so far.
+    pub fn arrived(&self) -> u64 {
+        lock(&self.state).arrived
+    }
+
+    /// Commits that have passed the gate so far.
+    pub fn passed(&self) -> u64 {
+        lock(&self.state).passed
+    }
+
+    /// Waits until so many commits have come to the gate, at most `timeout`; returns whether they have.
+    pub fn wait_for(&self, commits: u64, timeout: Duration) -> bool {
+        let end = Instant::now() + timeout;
+        let mut state = lock(&self.state);
+        while state.arrived < commits {
+            let left = end.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                return false;
+            }
+            state = self.changed.wait_timeout(state, left).unwrap_or_else(PoisonError::into_inner).0;
+        }
+        true
+    }
+
+    pub(crate) fn pass(&self) {
+        let mut state = lock(&self.state);
+        state.arrived += 1;
+        self.changed.notify_all();
+        let closed = |state: &mut GateState| state.is_closed;
+        state = self.changed.wait_timeout_while(state, OPENS, closed).unwrap_or_else(PoisonError::into_inner).0;
+        state.passed += 1;
+        if state.failures > 0 {
+            state.failures -= 1;
+            drop(state);
+            std::panic::resume_unwind(Box::new("a planted failure"));
         }
     }
 }

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The job of a render thread. Plain data.
+//! The job of a render thread, and how it comes about. Plain data.
 
 pub(crate) mod aov;
+pub(crate) mod commits;
+pub(crate) mod edits;
 #[cfg(feature = "faults")]
 pub(crate) mod faults;
 pub(crate) mod forced_features;
@@ -41,6 +43,23 @@ pub(crate) struct RenderJob {
     pub(crate) goes_on: bool,
     /// The generation of `RenderControl` when the job was posted.
     pub(crate) generation: u64,
+}
+
+impl RenderJob {
+    /// Whether samples of `have` are samples of this job too, and may be used.
+    pub(crate) fn has_samples_of(&self, have: &Self) -> bool {
+        let same_images = match (&have.images, &self.images) {
+            (Some(have), Some(images)) => Arc::ptr_eq(have, images),
+            (have, images) => have.is_none() && images.is_none(),
+        };
+        self.goes_on
+            && have.snapshot.version == self.snapshot.version
+            && have.request == self.request
+            && have.options == self.options
+            && Arc::ptr_eq(&have.files, &self.files)
+            && same_images
+            && self.settings.goes_on_from(&have.settings)
+    }
 }
 
 /// Options of how a session runs, apart from the scene and the request.

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The state that the host's threads and the render thread share: control, images, stats and messages; and the gate
-//! that a frame asks whether it may go on.
+//! The state that the host's threads, the commit thread and the render thread share: control, images, stats and
+//! messages; and the gate that a frame asks whether it may go on.
 
 use crate::error::RenderError;
 use crate::job::RenderJob;
+use crate::job::commits::CommitQueue;
 use crate::job::patience::{self, LoadWait, WaitVerdict};
 use crate::job::publish::PublishedImages;
 use crate::job::request::{Message, Severity};
@@ -15,9 +16,10 @@ use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// The host's requests to the render thread.
+/// The host's requests to the commit thread and the render thread.
 #[derive(Debug, Default)]
 pub(crate) struct RenderControl {
+    pub(crate) commits: CommitQueue,
     pub(crate) job: Option<Arc<RenderJob>>,
     /// Grows with every posted or restarted job.
     pub(crate) generation: u64,
@@ -31,12 +33,14 @@ pub(crate) struct RenderControl {
 }
 
 impl RenderControl {
+    /// Whether the newest picture is still to come: a job is under way or its scene is being committed.
     pub(crate) fn is_rendering(&self) -> bool {
-        self.job.is_some() && self.finished != self.generation && !self.stopped
+        let is_rendering = self.job.is_some() && self.finished != self.generation && !self.stopped;
+        is_rendering || self.commits.is_awaited()
     }
 }
 
-/// State shared between the host's threads and the render thread.
+/// State shared between the host's threads and those of the session.
 #[derive(Debug, Default)]
 pub(crate) struct SharedState {
     control: Mutex<RenderControl>,
@@ -54,6 +58,8 @@ pub(crate) struct SharedState {
     pub(crate) nonfinite_told: AtomicBool,
     #[cfg(feature = "faults")]
     pub(crate) witness: Mutex<crate::job::faults::FaultWitness>,
+    #[cfg(feature = "faults")]
+    pub(crate) commit_gate: Arc<crate::job::faults::CommitGate>,
 }
 
 impl SharedState {
@@ -131,6 +137,11 @@ impl<'a> FrameGate<'a> {
     pub(crate) fn is_superseded(&self) -> bool {
         let is_newer = self.shared.control().generation != self.generation;
         is_newer && !self.outlasts()
+    }
+
+    /// Whether the newer job may go on with the samples of `job`, which is the one of this gate.
+    pub(crate) fn leads_on_from(&self, job: &RenderJob) -> bool {
+        self.shared.control().job.as_ref().is_some_and(|newer| newer.has_samples_of(job))
     }
 
     fn outlasts(&self) -> bool {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The renderer as one delegate sees it: a scene to edit, a request to render, a thread that renders it.
+//! The renderer as one delegate sees it: a scene to edit, a request to render, threads that commit and render it.
 //!
 //! States of a session's render thread:
 //! - `Idle`: no job, or the job is finished. Converged.
@@ -10,59 +10,63 @@
 //! Transitions: `render` with anything changed and `restart` lead to `Rendering` from every state; the last wave, an
 //! error or the time limit lead to `Idle`; `pause`/`resume`/`stop` as named. They take effect at a wave boundary.
 //!
-//! Threads: every method may be called from any thread; they return without waiting for the GPU, except
-//! [`Session::stop`] with `blocking` and [`Session::wait_converged`]. Images are published before `is_converged` turns
-//! true, so that a host which reads after seeing it gets the final image.
+//! The commit thread applies edits and commits the scene ([`SceneDb::commit`]). A commit belongs to a `render`: while
+//! it is pending the session is not converged, unless `stop` came after. What is rendered meanwhile:
+//! - In an interactive session, the newest request with the scene of the commit before, at once. When the commit is
+//!   done and the scene is another one, the request that is the newest then is rendered with it.
+//! - In a batch session, and before the first commit, the job before. Each commit is followed by a job of its own
+//!   request. Requests that come during a commit share the next one.
+//!
+//! A commit that fails is told and leaves the scene as it was; the next `render` with anything changed, or `restart`,
+//! tries again. A session that ends waits for the commit under way.
+//!
+//! Threads: every method may be called from any thread; they return without waiting for the GPU or for a commit, except
+//! [`Session::stop`] with `blocking`, [`Session::wait_converged`] and [`Session::with_scene`]. Images are published
+//! before `is_converged` turns true, so that a host which reads after seeing it gets the final image; so are messages.
 
+mod commit;
+mod committing;
 pub(crate) mod early;
 mod thread;
 
-use crate::device::loader::Loader;
 use crate::error::RenderError;
 use crate::film::picture;
-use crate::geometry_files::{GeometryFiles, GeometrySetting};
-use crate::host_memory::{self, HostMemoryTaken, HostMemoryUser};
+use crate::job::SessionOptions;
 use crate::job::aov::AovKind;
+use crate::job::commits::{CommitProgress, RenderAsk};
+use crate::job::edits::SceneEdit;
 use crate::job::light_files::{LightFiles, NoFiles};
 use crate::job::request::{Message, RenderRequest, Severity};
 use crate::job::shared::SharedState;
 use crate::job::timings::RenderTimings;
-use crate::job::{RenderJob, SessionOptions};
-use crate::report::material_report::MaterialReport;
 use crate::sync::lock;
 use crate::textures::{HeightTextures, ImageLibrary};
-use oocpt_core::inventory::PrimvarUse;
-use oocpt_core::mesh::MeshFiles;
-use oocpt_core::partition::PartitionOptions;
-use oocpt_core::scene::{DicingCamera, LentBytes, SceneDb, Snapshot, summary};
+use commit::SessionScene;
+use oocpt_core::scene::SceneDb;
 use oocpt_core::settings::{SettingError, SettingValue, Settings};
 use oocpt_core::stats::RenderStats;
 use oocpt_core::texture::HeightFiles;
 use oocpt_gpu::DeviceReport;
-use std::path::Path;
 use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// One scene, one camera, one render thread.
+/// One scene, one camera, a thread that commits and one that renders.
 #[derive(Debug)]
 pub struct Session {
     pub(crate) shared: Arc<SharedState>,
-    scene: Mutex<SceneDb>,
+    /// Locked by the commit thread while it works: no method that a host calls may wait for it.
+    scene: Arc<Mutex<SessionScene>>,
     settings: Mutex<Settings>,
     options: Mutex<SessionOptions>,
     images: Option<Arc<dyn ImageLibrary>>,
-    heights: Option<Arc<HeightTextures>>,
     files: Mutex<Arc<dyn LightFiles>>,
-    geometry_files: Mutex<Option<Arc<GeometryFiles>>>,
-    /// Of the snapshot of that version.
-    primvars: Mutex<(u64, Arc<[PrimvarUse]>)>,
-    /// What `oocpt:materialReport` was written of: edits of materials, and the file.
-    material_report: Mutex<(u64, String)>,
-    /// What was said last of the budget of host memory.
-    host_complaint: Mutex<Option<String>>,
-    thread: Mutex<Option<JoinHandle<()>>>,
+    commit_thread: SessionThread,
+    render_thread: SessionThread,
 }
+
+/// A thread of the session, once it is started.
+type SessionThread = Mutex<Option<JoinHandle<()>>>;
 
 impl Session {
     /// A session with an empty scene. Cheap: the device is opened by the first render, and its errors are messages.
@@ -74,17 +78,13 @@ impl Session {
     pub fn with_options(settings: Settings, options: SessionOptions) -> Self {
         Self {
             shared: Arc::default(),
-            scene: Mutex::new(SceneDb::new()),
+            scene: Arc::default(),
             settings: Mutex::new(settings),
             options: Mutex::new(options),
             images: None,
-            heights: None,
-            geometry_files: Mutex::default(),
             files: Mutex::new(Arc::new(NoFiles)),
-            primvars: Mutex::default(),
-            material_report: Mutex::default(),
-            host_complaint: Mutex::default(),
-            thread: Mutex::new(None),
+            commit_thread: Mutex::default(),
+            render_thread: Mutex::default(),
         }
     }
 
@@ -93,8 +93,10 @@ impl Session {
     pub fn with_images(self, images: Arc<dyn ImageLibrary>) -> Self {
         let mut session = self;
         let heights = Arc::new(HeightTextures::new(Arc::clone(&images)));
-        lock(&session.scene).set_height_files(Arc::clone(&heights) as Arc<dyn HeightFiles>);
-        session.heights = Some(heights);
+        let mut scene = lock(&session.scene);
+        scene.db.set_height_files(Arc::clone(&heights) as Arc<dyn HeightFiles>);
+        scene.heights = Some(heights);
+        drop(scene);
         session.images = Some(images);
         session
     }
@@ -105,9 +107,27 @@ impl Session {
         *lock(&self.files) = files;
     }
 
-    /// Edits the scene; the edits take effect with the next [`Session::render`].
+    /// Edits the scene, in the order of the calls; takes effect with the next [`Session::render`]. The commit thread
+    /// applies the edits: until then they hold what they were made of, of each prim the last edit.
+    pub fn edit(&self, edits: Vec<SceneEdit>) {
+        if !edits.is_empty() && self.ensure_threads() {
+            self.shared.control().commits.edit(edits.into());
+            self.shared.notify();
+        }
+    }
+
+    /// Edits the scene at once, for whoever has the time: waits for a commit that is pending. The edits take effect
+    /// with the next [`Session::render`].
     pub fn with_scene<R>(&self, edit: impl FnOnce(&mut SceneDb) -> R) -> R {
-        edit(&mut lock(&self.scene))
+        let mut control = self.shared.control();
+        while control.commits.is_pending() {
+            control = self.shared.wait(control);
+        }
+        drop(control);
+        let mut scene = lock(&self.scene);
+        let waiting = self.shared.control().commits.take_edits();
+        scene.edit(waiting, &self.shared);
+        edit(&mut scene.db)
     }
 
     /// Changes one setting by its Hydra key; takes effect with the next [`Session::render`]. Returns whether it
@@ -121,155 +141,58 @@ impl Session {
         lock(&self.settings).clone()
     }
 
-    /// Commits the scene's edits and renders `request` in the background; an image under way is given up if anything
-    /// it depends on has changed, and goes on undisturbed otherwise. Returns at once.
+    /// Has the scene's edits committed and `request` rendered in the background; an image under way is given up if
+    /// anything it depends on has changed, and goes on undisturbed otherwise. Returns at once.
     ///
     /// Clipping planes that are not finite are left out, with a warning: a request that has one would not equal itself.
     pub fn render(&self, mut request: RenderRequest) {
+        if !self.ensure_threads() {
+            return;
+        }
         let planes = request.camera.clip_planes.len();
         request.camera.clip_planes.retain(|plane| plane.is_finite());
         let is_cut = request.camera.clip_planes.len() < planes;
-        let (chunk_bytes, dicing_rate, is_live) = {
-            let settings = lock(&self.settings);
-            self.heights.iter().for_each(|heights| heights.keep_in(&settings));
-            (u64::from(settings.chunk_size_kib) << 10, settings.dicing_rate, settings.interactive)
-        };
-        let mut scene = lock(&self.scene);
-        scene.set_partition(PartitionOptions { chunk_bytes });
-        scene.set_dicing(DicingCamera::new(&request.camera, dicing_rate).live(is_live));
-        let lent = self.keep_meshes(&mut scene);
-        let commit = scene.commit();
-        let fixed_host_bytes = self.watch_host_memory(&scene, &lent, &commit.snapshot);
-        let primvars = self.primvars_of(&scene, commit.snapshot.version);
-        self.report_materials(&scene);
-        let meshes_made = scene.meshes_made();
-        drop(scene);
-        for line in summary(&commit.warnings) {
-            self.shared.report(Severity::Warning, line);
-        }
-        let (settings, options) = (self.settings(), *lock(&self.options));
+        let (settings, options, images) = (self.settings(), *lock(&self.options), self.images.clone());
         let files = Arc::clone(&lock(&self.files));
-        let mut control = self.shared.control();
-        let unchanged = control.job.as_ref().is_some_and(|job| {
-            job.snapshot.version == commit.snapshot.version
-                && job.request == request
-                && job.settings == settings
-                && Arc::ptr_eq(&job.files, &files)
-        });
-        if unchanged {
-            return;
-        }
-        if is_cut {
+        let asked = self.shared.control().ask(RenderAsk { request, settings, options, images, files });
+        let Some(is_new) = asked else { return };
+        if is_cut && is_new {
             let text = "clipping planes of the camera that are not finite are left out";
             self.shared.report(Severity::Warning, text.to_owned());
         }
-        let images = self.images.clone();
-        let snapshot = commit.snapshot;
-        control.generation += 1;
-        let generation = control.generation;
-        control.job = Some(Arc::new(RenderJob {
-            snapshot,
-            request,
-            settings,
-            options,
-            images,
-            files,
-            primvars,
-            meshes_made,
-            fixed_host_bytes,
-            goes_on: true,
-            generation,
-        }));
-        control.stopped = false;
-        drop(control);
         self.shared.notify();
-        self.ensure_thread();
     }
 
-    /// Has meshes built and kept as the settings say. With a budget of host memory gives what the scene's arrays take.
-    fn keep_meshes(&self, scene: &mut SceneDb) -> LentBytes {
-        let settings = lock(&self.settings);
-        let budget = host_memory::budget(&settings);
-        let lent = budget.map(|_| scene.lent()).unwrap_or_default();
-        let tables = scene.snapshot().world.host_bytes();
-        let fixed = lent.bytes + tables + Loader::staging_bytes();
-        let has_rendered = self.shared.control().job.is_some();
-        let commit = host_memory::of_commit(&settings, fixed, has_rendered);
-        scene.set_host_budget(budget.unwrap_or(u64::MAX));
-        scene.set_partition_memory(commit.sorting);
-        let memory = scene.mesh_memory();
-        memory.set_room(commit.building);
-        memory.set_limit(host_memory::limit_of(HostMemoryUser::Meshes, &settings, memory.held(), fixed));
-        let setting = GeometrySetting::of(&settings);
-        let mut files = lock(&self.geometry_files);
-        if files.as_ref().map(|files| files.setting()) != setting.as_ref() {
-            *files = setting.map(|setting| Arc::new(GeometryFiles::new(setting, &self.shared)));
-            scene.set_mesh_files(files.clone().map(|files| files as Arc<dyn MeshFiles>));
-        }
-        lent
-    }
-
-    /// With a budget of host memory: the bytes that can be put nowhere else; tells where they are more than there is,
-    /// or where meshes have no other place.
-    fn watch_host_memory(&self, scene: &SceneDb, lent: &LentBytes, snapshot: &Snapshot) -> u64 {
-        let settings = lock(&self.settings);
-        let Some(budget) = host_memory::budget(&settings) else { return 0 };
-        let tables = snapshot.world.host_bytes();
-        let memory = scene.mesh_memory();
-        let taken = HostMemoryTaken {
-            lent,
-            tables,
-            staging: Loader::staging_bytes(),
-            held: memory.held(),
-            building: memory.overrun(),
-            has_files: lock(&self.geometry_files).is_some(),
-        };
-        let complaint = host_memory::complaint(budget, &taken);
-        // Once, however often the scene is rendered.
-        let mut told = lock(&self.host_complaint);
-        if let Some(text) = complaint.as_ref().filter(|_| *told != complaint) {
-            self.shared.report(Severity::Warning, text.clone());
-        }
-        *told = complaint;
-        lent.bytes + tables + Loader::staging_bytes()
-    }
-
-    fn primvars_of(&self, scene: &SceneDb, version: u64) -> Arc<[PrimvarUse]> {
-        let mut known = lock(&self.primvars);
-        if known.0 != version {
-            *known = (version, scene.primvar_uses().into());
-        }
-        Arc::clone(&known.1)
-    }
-
-    /// Writes the report that `oocpt:materialReport` names, once for each state of the materials.
-    fn report_materials(&self, scene: &SceneDb) {
-        let file = lock(&self.settings).material_report.clone();
-        let mut written = lock(&self.material_report);
-        let wanted = (scene.material_edits(), file);
-        if wanted.1.is_empty() || *written == wanted {
-            return;
-        }
-        *written = wanted;
-        if let Err(error) = MaterialReport::of(scene).write(Path::new(&written.1)) {
-            self.shared.report(Severity::Warning, format!("oocpt:materialReport: {error}"));
+    /// Starts the threads; tells why if that fails.
+    fn ensure_threads(&self) -> bool {
+        let (shared, scene) = (Arc::clone(&self.shared), Arc::clone(&self.scene));
+        self.ensure_thread(&self.commit_thread, "oocpt-commit", move || committing::run(&shared, &scene)) && {
+            let shared = Arc::clone(&self.shared);
+            self.ensure_thread(&self.render_thread, "oocpt-render", move || thread::run(&shared))
         }
     }
 
-    fn ensure_thread(&self) {
-        let mut thread = lock(&self.thread);
+    fn ensure_thread(&self, thread: &SessionThread, name: &str, run: impl FnOnce() + Send + 'static) -> bool {
+        let mut thread = lock(thread);
         if thread.is_some() {
-            return;
+            return true;
         }
-        let shared = Arc::clone(&self.shared);
-        match std::thread::Builder::new().name("oocpt-render".into()).spawn(move || thread::run(&shared)) {
+        match std::thread::Builder::new().name(name.into()).spawn(run) {
             Ok(handle) => *thread = Some(handle),
-            Err(error) => {
-                self.shared.fail(&RenderError::Internal(format!("cannot start the render thread: {error}")));
-                let mut control = self.shared.control();
-                control.finished = control.generation;
-            }
+            Err(error) => self.shared.fail(&RenderError::Internal(format!("cannot start the thread {name}: {error}"))),
         }
+        thread.is_some()
+    }
+
+    /// How far the commits are.
+    pub fn commit_progress(&self) -> CommitProgress {
+        self.shared.control().commits.progress()
+    }
+
+    /// A gate that commits pass, for tests.
+    #[cfg(feature = "faults")]
+    pub fn commit_gate(&self) -> Arc<crate::job::faults::CommitGate> {
+        Arc::clone(&self.shared.commit_gate)
     }
 
     /// Whether the images are final: rendered to the end, ended by an error, stopped, or nothing asked for.
@@ -294,12 +217,14 @@ impl Session {
         self.shared.control().paused
     }
 
-    /// Gives the current image up as it is. With `blocking`, returns when the render thread is idle.
+    /// Gives the current image up as it is, and that which a pending commit would bring. With `blocking`, returns when
+    /// the render thread is idle; a commit goes on.
     pub fn stop(&self, blocking: bool) {
+        let has_thread = lock(&self.render_thread).is_some();
         let mut control = self.shared.control();
         control.stopped = true;
+        control.commits.stop();
         self.shared.notify();
-        let has_thread = lock(&self.thread).is_some();
         while blocking && has_thread && control.job.is_some() && control.finished != control.generation {
             control = self.shared.wait(control);
         }
@@ -307,7 +232,8 @@ impl Session {
 
     /// Whether the session was stopped and not restarted since.
     pub fn is_stopped(&self) -> bool {
-        self.shared.control().stopped
+        let control = self.shared.control();
+        control.stopped && !control.commits.is_awaited()
     }
 
     /// Turns the measuring of passes on or off for renders that start from now on.
@@ -318,15 +244,7 @@ impl Session {
     /// Renders the last request again from its first sample.
     pub fn restart(&self) {
         let options = *lock(&self.options);
-        let mut control = self.shared.control();
-        control.generation += 1;
-        let generation = control.generation;
-        if let Some(job) = control.job.take() {
-            control.job = Some(Arc::new(RenderJob { options, generation, goes_on: false, ..(*job).clone() }));
-        }
-        control.stopped = false;
-        control.paused = false;
-        drop(control);
+        self.shared.control().restart(options);
         self.shared.notify();
     }
 
@@ -400,10 +318,12 @@ impl Drop for Session {
     fn drop(&mut self) {
         self.shared.control().quit = true;
         self.shared.notify();
-        if let Some(handle) = lock(&self.thread).take()
-            && handle.join().is_err()
-        {
-            tracing::error!("the render thread had panicked");
+        for thread in [&self.commit_thread, &self.render_thread] {
+            if let Some(handle) = lock(thread).take()
+                && handle.join().is_err()
+            {
+                tracing::error!("a thread of the session had panicked");
+            }
         }
     }
 }

@@ -8,8 +8,10 @@ use crate::error::RenderError;
 use crate::job::RenderJob;
 use crate::job::shared::{FrameGate, SharedState};
 use crate::renderer::Renderer;
+use crate::session::commit::panic_text;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
+use std::time::Instant;
 
 /// Runs until the session ends.
 pub(crate) fn run(shared: &SharedState) {
@@ -50,16 +52,12 @@ fn next_job(shared: &SharedState) -> Option<(Arc<RenderJob>, u64)> {
             && !control.paused
             && let Some(job) = &control.job
         {
-            return Some((Arc::clone(job), control.generation));
+            let Some(hold) = control.commits.hold(Instant::now()) else {
+                return Some((Arc::clone(job), control.generation));
+            };
+            control = shared.wait_at_most(control, hold);
+            continue;
         }
         control = shared.wait(control);
     }
-}
-
-fn panic_text(panic: &(dyn std::any::Any + Send)) -> String {
-    panic
-        .downcast_ref::<&str>()
-        .map(ToString::to_string)
-        .or_else(|| panic.downcast_ref::<String>().cloned())
-        .unwrap_or_else(|| "unknown panic".into())
 }

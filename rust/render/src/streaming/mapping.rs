@@ -63,6 +63,7 @@ impl SceneResidency<'_> {
         let Some(mut reach) = self.reach.take() else { return Ok(()) };
         let begun = self.map_most_wanted(&mut reach, demand);
         self.reach = Some(reach);
+        self.filler.iter().for_each(HostHeapFiller::note_use);
         begun
     }
 

@@ -212,7 +212,7 @@ impl MaskPlacer<'_> {
         let is_opaque = single.and_then(|key| self.made.get(&key)?.as_ref()).is_some_and(|mask| mask.is_opaque);
         let first = match single {
             _ if is_opaque => None,
-            None => self.place_set(wanted),
+            None => self.place_set(wanted.parts.iter().map(|(part, wanted)| (*part, wanted.key)).collect()),
             Some(key) => self.place_mask(key),
         };
         if material.flags.contains(MaterialFlags::PRESENCE) && !is_opaque {
@@ -236,19 +236,20 @@ impl MaskPlacer<'_> {
     }
 
     /// Adds a UDIM set and its masks, and returns the first word of its record, which has an offset for each tile.
-    fn place_set(&mut self, wanted: &AllWanted) -> Option<u32> {
-        if wanted.parts.is_empty() {
+    /// None for no tiles, and where the record does not fit.
+    fn place_set(&mut self, keys: Vec<(usize, MaskKey)>) -> Option<u32> {
+        if keys.is_empty() {
             return None;
         }
-        let keys: Vec<(usize, MaskKey)> = wanted.parts.iter().map(|(part, wanted)| (*part, wanted.key)).collect();
         if let Some(first) = self.sets.get(&keys) {
             return *first;
         }
         let mut words = vec![0; SET_WORDS];
         words[1] = abi::MASK_SET;
         let first = self.masks.add(&words);
-        for (part, key) in &keys {
-            let (Some(set), Some(first)) = (first, self.place_mask(*key)) else { continue };
+        // Without a record nothing would find its masks.
+        for (set, (part, key)) in first.into_iter().flat_map(|set| keys.iter().map(move |key| (set, key))) {
+            let Some(first) = self.place_mask(*key) else { continue };
             // Negative for a mask that another material has placed before.
             let offset = (i64::from(first) - i64::from(set)) / i64::try_from(ALIGNMENT).unwrap_or(1);
             let at = set as usize + 2 + part;
@@ -301,4 +302,24 @@ fn build(wanted: &WantedMask) -> Option<OpacityMask> {
         .map_err(|error| tracing::debug!("no opacity mask: {error}"))
         .ok()?;
     maker.finish()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_set_whose_record_does_not_fit_leaves_no_masks() {
+        let key = MaskKey { image: 1, channel: 0, wrap: [0; 2], side: 32, query: [0; 4] };
+        let mask = OpacityMask { words: vec![7; 2 * ALIGNMENT], is_opaque: false };
+        let made = MadeMasks::from_iter([(key, Some(Arc::new(mask)))]);
+        let free_words = 3 * ALIGNMENT;
+        assert!(free_words < SET_WORDS, "room for the mask alone");
+        let masks = OpacityMasks { words: vec![0; MAX_BYTES / 4 - free_words], ..OpacityMasks::default() };
+        let (first_words, sets) = (FxHashMap::default(), FxHashMap::default());
+        let mut placer = MaskPlacer { masks, made: &made, first_words, sets };
+        assert_eq!(placer.place_set(vec![(0, key)]), None);
+        assert_eq!(placer.masks.words.len(), MAX_BYTES / 4 - free_words, "nothing would read it");
+        assert!(placer.place_mask(key).is_some(), "another material may have it");
+    }
 }

@@ -27,7 +27,7 @@ fn open(build: fn(&mut SceneDb), settings: Settings, streams: bool) -> Session {
 }
 
 fn set(session: &Session, key: &str, value: SettingValue) {
-    session.set_setting(key, value).unwrap_or_else(|error| panic!("{key}: {error}"));
+    assert!(session.set_setting(key, value).is_ok(), "{key}");
 }
 
 fn set_samples(session: &Session, samples: u32) {

@@ -7,6 +7,7 @@ mod adaptive;
 mod against_judge;
 mod bsdf;
 mod clipping;
+mod commits;
 mod control;
 mod curves_and_points;
 mod deformation;

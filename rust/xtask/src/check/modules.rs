@@ -3,7 +3,6 @@
 //!
 //! Modules are siblings at the top of a crate or in a folder, each with all below it. An arrow is a path in shipped
 //! code from `crate` or `super` into another module, also to an item of it that the module around both re-exports.
-//! Cycles inside folders that existed when folders were first checked are listed ([`KNOWN`]), to become fewer.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -16,28 +15,6 @@ use crate::places::RootFolders;
 type ModuleArrows = BTreeMap<String, BTreeSet<String>>;
 /// Names of modules from the top of a crate; for paths also those of items.
 type ModulePath = Vec<String>;
-
-/// Crate, folder, and the modules of a cycle in it.
-const KNOWN: &[(&str, &str, &[&str])] = &[
-    (
-        "core",
-        "instancing",
-        &[
-            "array_motion",
-            "assembly",
-            "diff",
-            "instance_primvars",
-            "item",
-            "motion",
-            "moving",
-            "placement",
-            "reader",
-            "run",
-            "scan",
-        ],
-    ),
-    ("core", "scene", &["dicing", "entries", "linking", "resolve"]),
-];
 
 pub(super) fn check(places: &RootFolders) -> Result<()> {
     let files = tracked_files(places)?;
@@ -55,26 +32,14 @@ pub(super) fn check(places: &RootFolders) -> Result<()> {
         crates.entry((*folder).to_owned()).or_default().insert(module, text);
     }
     let mut findings = Vec::new();
-    let mut seen = BTreeSet::new();
     for (name, modules) in &crates {
         for (folder, arrows) in arrows_of(modules) {
-            for circle in circles(&arrows) {
-                let holds = |known: &[&str]| circle.iter().all(|module| known.contains(&module.as_str()));
-                let is_it =
-                    |(of, at, known): &(&str, &str, &[&str])| of == name && *at == folder.join("/") && holds(known);
-                match KNOWN.iter().position(is_it) {
-                    Some(at) => _ = seen.insert(at),
-                    None => {
-                        findings.push(format!("{name}: {}: {} use each other", folder.join("/"), circle.join(", ")))
-                    }
-                }
-            }
+            let found = circles(&arrows).into_iter();
+            findings.extend(
+                found.map(|circle| format!("{name}: {}: {} use each other", folder.join("/"), circle.join(", "))),
+            );
         }
     }
-    let gone = KNOWN.iter().enumerate().filter(|(at, _)| !seen.contains(at));
-    findings.extend(
-        gone.map(|(_, (name, folder, _))| format!("{name}: {folder}: the known circle is gone: no row for it")),
-    );
     if !findings.is_empty() {
         bail!("\n  {}", findings.join("\n  "));
     }

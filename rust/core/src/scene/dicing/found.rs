@@ -9,9 +9,10 @@
 
 use glam::{DAffine3, DVec3};
 
+use super::DicingCamera;
 use super::camera::DicingDensity;
-use super::{BoundingSphere, DicingCamera, stretch};
 use crate::mesh::{CameraEye, DicingRate};
+use crate::scene::mesh_outline::{BoundingSphere, stretch};
 
 /// Places of the camera that are kept for a surface; what more there are count by their density.
 const MOST_EYES: usize = 8;

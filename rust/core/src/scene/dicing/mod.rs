@@ -22,19 +22,19 @@ use camera::DicingDensity;
 use found::SurfaceDensity;
 
 use super::entries::{InstancerEntry, MeshEntry};
+use super::mesh_outline::{BoundingSphere, stretch};
 use super::resolve::{MAX_NESTING, PrimHierarchy, ScenePrims};
 use crate::array::ElementType;
 use crate::desc::{InstancedBy, InstancerPrototype};
 use crate::instancing::GroupId;
-use crate::instancing::placement::{InstancePlacer, usable_affine};
-use crate::mesh::{Aabb, BuildDemand, DicingRate, mesh_key_with};
+use crate::instancing::affine::usable_affine;
+use crate::instancing::placement::InstancePlacer;
+use crate::mesh::{Aabb, BuildDemand, DicingRate};
 
 /// Near placements of a prototype that are gone into, from one place.
 const MOST_NEAR: usize = 8;
 /// Near placements that are gone into in all: each reads the instances below it.
 const MOST_VISITS: usize = 64;
-/// Smallest distance that counts, as a share of the radius of what is looked at as a whole.
-const NEAREST: f64 = 0.05;
 
 /// How finely each of the `reachable` subdivision surfaces is cut, by path.
 pub(crate) fn dice(
@@ -48,7 +48,7 @@ pub(crate) fn dice(
     let refined: Vec<(&Arc<str>, &MeshEntry)> =
         prims.meshes.iter().filter(|(path, entry)| reachable.contains(*path) && is_wanted(entry)).collect();
     let bounds: FxHashMap<Arc<str>, BoundingSphere> =
-        refined.par_iter().map(|(path, entry)| ((*path).clone(), MeshOutline::of(entry).ball)).collect();
+        refined.par_iter().map(|(path, entry)| ((*path).clone(), entry.outline().ball)).collect();
     let mut walk = DicingTraversal {
         prims,
         hierarchy,
@@ -69,24 +69,6 @@ pub(crate) fn dice(
     share(&refined, walk.found, camera)
 }
 
-/// What does not change with the camera.
-#[derive(Debug)]
-pub(crate) struct MeshOutline {
-    ball: BoundingSphere,
-    /// Hash of all that the mesh is built from but the dicing.
-    content: u128,
-}
-
-impl MeshOutline {
-    fn of(entry: &MeshEntry) -> &Self {
-        entry.outline.get_or_init(|| {
-            let plain = DicingRate { pixels: 1.0, ..DicingRate::default() };
-            let content = mesh_key_with(&entry.desc, &BuildDemand { dicing: Some(&plain), ..entry.demand() });
-            Self { ball: BoundingSphere::of(&points_box(entry)), content }
-        })
-    }
-}
-
 /// Prims with the same content are cut alike, so that they stay one mesh.
 fn share(
     refined: &[(&Arc<str>, &MeshEntry)],
@@ -95,69 +77,22 @@ fn share(
 ) -> FxHashMap<Arc<str>, DicingRate> {
     let mut shared: FxHashMap<u128, SurfaceDensity> = FxHashMap::default();
     for (path, entry) in refined {
-        let of_content = shared.entry(MeshOutline::of(entry).content).or_default();
+        let of_content = shared.entry(entry.outline().content).or_default();
         of_content.add(found.remove(*path).unwrap_or_default());
     }
     // What there is of a content is the same for all prims that have been cut.
     let kept: FxHashMap<u128, &DicingRate> = refined
         .iter()
         .filter(|(_, entry)| entry.dicing.pixels > 0.0)
-        .map(|(_, entry)| (MeshOutline::of(entry).content, &entry.dicing))
+        .map(|(_, entry)| (entry.outline().content, &entry.dicing))
         .collect();
     let dicing = |entry: &MeshEntry| {
-        let content = MeshOutline::of(entry).content;
+        let content = entry.outline().content;
         let found = shared.get(&content)?;
         let kept = kept.get(&content).copied().filter(|_| camera.is_live);
         Some(if camera.is_live { found.live_dicing(camera, kept) } else { found.dicing(camera) })
     };
     refined.iter().map(|(path, entry)| ((*path).clone(), dicing(entry).unwrap_or_default())).collect()
-}
-
-/// The box of the control points that can be used. The limit surface may leave it, at boundaries with sharp corners
-/// never.
-fn points_box(entry: &MeshEntry) -> Aabb {
-    let points = entry.desc.points.view();
-    let usable = (0..points.len()).filter_map(|at| points.vec3(at)).filter(|point| point.is_finite());
-    usable.fold(Aabb::EMPTY, |bounds, point| bounds.with_point(point.as_vec3().to_array()))
-}
-
-/// A ball around a box.
-#[derive(Clone, Copy, Debug)]
-struct BoundingSphere {
-    center: DVec3,
-    radius: f64,
-}
-
-impl BoundingSphere {
-    fn of(bounds: &Aabb) -> Self {
-        if bounds.is_empty() {
-            return Self { center: DVec3::ZERO, radius: 0.0 };
-        }
-        let [min, max] = [bounds.min, bounds.max].map(|corner| DVec3::from(corner.map(f64::from)));
-        Self { center: 0.5 * (min + max), radius: 0.5 * min.distance(max) }
-    }
-
-    fn placed(&self, map: &DAffine3) -> Self {
-        Self { center: map.transform_point3(self.center), radius: self.radius * stretch(map) }
-    }
-
-    /// Its distance from a point, not less than a share of its size.
-    fn distance(&self, from: DVec3) -> f64 {
-        (self.center.distance(from) - self.radius).max(NEAREST * self.radius)
-    }
-
-    fn is_near(&self, from: DVec3) -> bool {
-        self.center.distance(from) < 2.0 * self.radius
-    }
-}
-
-/// By how much a map makes lengths longer, at most.
-fn stretch(map: &DAffine3) -> f64 {
-    let m = &map.matrix3;
-    // The longest axis, or the Frobenius norm where axes are sheared; for rotations with scales it is the first.
-    let longest = m.x_axis.length().max(m.y_axis.length()).max(m.z_axis.length());
-    let shear = m.x_axis.dot(m.y_axis).abs() + m.y_axis.dot(m.z_axis).abs() + m.z_axis.dot(m.x_axis).abs();
-    if shear <= 1e-6 * longest * longest { longest } else { (longest * longest + shear).sqrt() }
 }
 
 struct DicingTraversal<'a> {

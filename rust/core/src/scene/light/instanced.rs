@@ -13,9 +13,10 @@ use rustc_hash::FxHashSet;
 
 use crate::array::ElementType;
 use crate::desc::{PrimDesc, TransformSample};
-use crate::instancing::array_motion::{thin_out, transform_motion};
-use crate::instancing::motion::{MAX_KEYS, map_at, motion_keys};
-use crate::instancing::placement::{InstancePlacer, usable_affine};
+use crate::instancing::affine::usable_affine;
+use crate::instancing::array_motion::transform_motion;
+use crate::instancing::motion::{MAX_KEYS, map_at, motion_keys, thin_out};
+use crate::instancing::placement::InstancePlacer;
 use crate::mesh::Aabb;
 use crate::scene::entries::InstancerEntry;
 use crate::scene::resolve::MAX_NESTING;
@@ -160,7 +161,7 @@ impl LightInstances<'_> {
                         // As in records: the placement of a prim at rest moves with the instances.
                         let after = if local.moves { DAffine3::IDENTITY } else { local.ways[0] };
                         let placer = InstancePlacer::new(DAffine3::IDENTITY, after, Some(&entry.arrays), &unit);
-                        placer.clone().moving(motion.placers(&entry.arrays, &placer))
+                        placer.clone().moving(placer.at_keys(motion, &entry.arrays))
                     });
                     let indices = prototype.indices.view();
                     if indices.element() != ElementType::I32 {

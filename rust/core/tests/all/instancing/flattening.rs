@@ -5,7 +5,7 @@ use oocpt_abi::Features;
 use std::sync::Arc;
 
 use glam::{DMat4, DQuat, DVec3};
-use oocpt_core::{ElementType, InstanceFlags, InstanceRecord, InstanceTarget, InstancerDesc, SceneDb, TypedArray};
+use oocpt_core::{ElementType, InstanceRecord, InstanceTarget, InstancerDesc, SceneDb, TypedArray};
 use proptest::prelude::*;
 
 use crate::support::{Leaf, by, committed, flatten, grid, records, scatter, triangle};
@@ -209,8 +209,8 @@ fn mirrored_instances_are_flagged() {
     mesh.prim.instanced_by = vec![by("/i", "/i/p")];
     db.upsert_mesh(mesh);
     let snapshot = committed(&mut db);
-    let flags: Vec<_> = records(&snapshot, 0).iter().map(|r| r.flags).collect();
-    assert_eq!(flags, [InstanceFlags::empty(), InstanceFlags::FLIPS_HANDEDNESS]);
+    let flags: Vec<_> = records(&snapshot, 0).iter().map(|r| r.flips_handedness).collect();
+    assert_eq!(flags, [false, true]);
 }
 
 #[test]

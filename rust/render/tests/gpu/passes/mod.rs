@@ -66,6 +66,21 @@ fn loading_and_evicting_units_changes_no_bit() {
 }
 
 #[test]
+fn a_picture_that_is_given_up_traces_no_more_rays() {
+    let gpu = open();
+    let scene = Scene::new(&gpu, 1, FAR);
+    let (expected, _) = in_core(&gpu, &scene);
+    assert!(Tracer::new(&gpu, &scene, IN_CORE).cancelled_by(0).wave() == expected, "it goes on until then");
+    let mut tracer = Tracer::new(&gpu, &scene, IN_CORE).cancelled_by(1);
+    tracer.wave();
+    let counters: WavefrontCounters = tracer.read("counters")[0];
+    assert_eq!((counters.closest_rays, counters.shadow_rays), (0, 0), "no ray");
+    assert_eq!((counters.trace_args.x, counters.shadow_args.x), (0, 0), "no walk");
+    assert_eq!((counters.surface_args.x, counters.escaped_args.x), (0, 0), "nothing to shade");
+    close_device(&gpu);
+}
+
+#[test]
 fn persistent_threads_change_no_bit() {
     let gpu = open();
     let scene = Scene::new(&gpu, 1, FAR);

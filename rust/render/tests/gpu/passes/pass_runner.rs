@@ -117,6 +117,15 @@ impl<'a> Tracer<'a> {
         self
     }
 
+    /// This tracer with a word by which the host gives the picture up.
+    pub(super) fn cancelled_by(mut self, word: u32) -> Self {
+        let buffer = Buffer::new(&self.gpu, "cancelled", 4, BufferUsage::Upload).expect("small");
+        buffer.write(0, &word.to_ne_bytes()).expect("mapped");
+        self.buffers.insert("cancelled", buffer);
+        self.fill_blocks();
+        self
+    }
+
     /// This tracer with these capacities of the buffers `demanded` and `demand list`.
     pub(super) fn with_demand_capacities(mut self, capacities: [u32; 2]) -> Self {
         self.demand_capacities = capacities;
@@ -234,6 +243,7 @@ impl<'a> Tracer<'a> {
             flags: 1,
             ..FrameConstants::zeroed()
         };
+        frame.cancelled = self.buffers.get("cancelled").map_or(0, Buffer::address);
         frame.aov.camera_depth = self.address("depth");
         frame.aov.instance_id = self.address("ids");
         frame.aov_clear.instance_id = -1;

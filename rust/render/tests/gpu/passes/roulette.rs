@@ -116,8 +116,6 @@ impl Waiting {
             counters: upload(bytemuck::bytes_of(&counters)),
             streaming: upload(bytemuck::bytes_of(&streaming)),
             width: SIZE[0],
-            picture_width: SIZE[0],
-            picture_height: SIZE[1],
             height: SIZE[1],
             ..FrameConstants::zeroed()
         };

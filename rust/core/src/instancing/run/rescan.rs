@@ -6,10 +6,11 @@ use std::sync::{Arc, Mutex};
 
 use rayon::prelude::*;
 
-use super::placement::{InstanceArrays, InstancePlacer};
 use super::reader::{InstanceNumbers, number};
-use super::run::{InstanceRun, PrototypeInstances, RunSpec};
 use super::scan::{BLOCK, RankScan, ScanSlots, TASK};
+use super::{InstanceRun, PrototypeInstances, RunSpec};
+use crate::instancing::arrays::InstanceArrays;
+use crate::instancing::placement::InstancePlacer;
 use crate::mesh::Aabb;
 
 impl InstanceRun {

@@ -7,12 +7,12 @@ use std::sync::{Arc, PoisonError};
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::item::PlacementItem;
-use super::placement::{InstanceFootprint, InstancePlacer, round_down, round_up};
-use super::reader::InstanceNumbers;
-use super::run::{InstanceRun, PrototypeInstances, RunSpec};
+use super::{InstanceNumbers, InstanceRun, PrototypeInstances, RunSpec};
 use crate::array::{ArrayView, ElementType, TypedArray};
 use crate::desc::DroppedData;
+use crate::instancing::affine::{round_down, round_up};
+use crate::instancing::item::PlacementItem;
+use crate::instancing::placement::{InstanceFootprint, InstancePlacer};
 use crate::mesh::Aabb;
 
 /// Number of instances scanned by one task: a whole number of blocks.

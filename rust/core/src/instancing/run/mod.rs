@@ -2,14 +2,20 @@
 //! Runs: the placements that one prim contributes to an assembly. A run lists which of its instances are shown and
 //! usable; their matrices stay in the borrowed arrays. Immutable once scanned.
 
+mod reader;
+mod rescan;
+mod scan;
+
 use std::sync::{Arc, Mutex, Weak};
 
 use glam::{DAffine3, DVec3};
 
-use super::moving::KeyPlacer;
-use super::placement::{InstanceArrays, InstancePlacer, PlacedInstance};
-use super::reader::{InstanceNumbers, RunReader};
-use super::scan::{ScanOutput, ScannedRanks};
+pub(crate) use reader::{InstanceNumbers, RunReader};
+use scan::ScannedRanks;
+pub(crate) use scan::{ItemBucketing, ScanOutput, UNUSABLE};
+
+use super::arrays::InstanceArrays;
+use super::placement::{InstancePlacer, KeyPlacer, PlacedInstance};
 use crate::array::TypedArray;
 use crate::desc::DroppedData;
 use crate::mesh::Aabb;
@@ -32,7 +38,7 @@ impl PrototypeInstances {
     }
 
     /// Returns true if both have the same elements of the same array, by address.
-    pub(super) fn same_indices(&self, other: &Self) -> bool {
+    fn same_indices(&self, other: &Self) -> bool {
         let chosen = match (&self.chosen, &other.chosen) {
             (None, None) => true,
             (Some(a), Some(b)) => Arc::ptr_eq(a, b),
@@ -83,12 +89,12 @@ impl RunSpec {
     }
 
     /// Number of keys of each placement; 0 if they do not move.
-    pub(super) fn key_count(&self) -> usize {
+    fn key_count(&self) -> usize {
         let arrays = self.instances.as_ref().and_then(|instances| instances.arrays.motion.as_ref());
         self.motion.as_ref().map_or_else(|| arrays.map_or(0, |motion| motion.key_count()), |motion| motion.len())
     }
 
-    pub(super) fn placer(&self) -> InstancePlacer<'_> {
+    fn placer(&self) -> InstancePlacer<'_> {
         let arrays = self.instances.as_ref().map(|i| &*i.arrays);
         let placer = InstancePlacer::new(self.before, self.after, arrays, &self.target_bounds);
         let keys = match (&self.motion, arrays) {
@@ -96,7 +102,7 @@ impl RunSpec {
                 motion.iter().map(|key| KeyPlacer { time: key.time, placer: placer.framed(key.before) }).collect()
             }
             (None, Some(arrays)) => match &arrays.motion {
-                Some(motion) => motion.placers(arrays, &placer),
+                Some(motion) => placer.at_keys(motion, arrays),
                 None => return placer,
             },
             (None, None) => return placer,
@@ -108,23 +114,23 @@ impl RunSpec {
 /// A scanned run.
 #[derive(Debug)]
 pub(crate) struct InstanceRun {
-    pub(super) spec: RunSpec,
+    spec: RunSpec,
     /// Instance numbers left by the mask, by rank; `None` = all indices.
-    pub(super) unmasked: Option<Arc<Vec<u32>>>,
+    unmasked: Option<Arc<Vec<u32>>>,
     /// For chosen instances, by rank: the rank that each would have if all were chosen; and the number of ranks then.
-    pub(super) among_all: Option<(Arc<Vec<u32>>, u32)>,
+    among_all: Option<(Arc<Vec<u32>>, u32)>,
     /// Ranks that are not usable, in order.
-    pub(super) bad: Vec<u32>,
+    bad: Vec<u32>,
     /// Number of ranks: instances left by the mask.
-    pub(super) ranks: u32,
+    ranks: u32,
     /// Box of each stretch of `scan::BLOCK` ranks.
-    pub(super) blocks: Vec<Aabb>,
-    pub(super) bounds: Aabb,
-    pub(super) dropped: DroppedData,
+    blocks: Vec<Aabb>,
+    bounds: Aabb,
+    dropped: DroppedData,
     /// The run that this one was made from, and the ranks that may differ from it.
-    pub(super) edits: Option<(Weak<Self>, Arc<Vec<u32>>)>,
+    edits: Option<(Weak<Self>, Arc<Vec<u32>>)>,
     /// Results of the scan that the partition takes.
-    pub(super) kept: Mutex<ScannedRanks>,
+    kept: Mutex<ScannedRanks>,
 }
 
 impl InstanceRun {

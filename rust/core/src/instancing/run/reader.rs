@@ -3,10 +3,10 @@
 
 use glam::DAffine3;
 
-use super::item::PlacementItem;
-use super::motion::PlacementKeys;
-use super::placement::{InstanceFootprint, InstancePlacer, PlacedInstance};
 use crate::array::ArrayView;
+use crate::instancing::item::PlacementItem;
+use crate::instancing::motion::PlacementKeys;
+use crate::instancing::placement::{InstanceFootprint, InstancePlacer, PlacedInstance};
 
 /// Instance numbers by rank.
 #[derive(Clone, Copy, Debug)]

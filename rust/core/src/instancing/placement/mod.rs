@@ -2,129 +2,20 @@
 //! The placement of one instance: its matrix from borrowed arrays in f64, the inverse, a conservative box. Pure and
 //! without allocation: this is the inner loop of scene encoding.
 
-use std::sync::{Arc, OnceLock, Weak};
+mod moving;
 
-use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3, DVec4};
+use std::sync::Arc;
 
-use super::array_motion::{ArrayMotion, VelocityMotion};
-use super::assembly::InstanceFlags;
-use super::diff::ChangedNumbers;
-use super::moving::KeyPlacer;
+use glam::{DAffine3, DMat3, DQuat, DVec3};
+
+use super::affine::{MATRIX_ERROR, MAX_MAGNITUDE, affine_of, is_regular, nearest, round_down, round_up};
+use super::array_motion::VelocityMotion;
+use super::arrays::InstanceArrays;
 use crate::array::{ArrayView, ElementType, TypedArray};
-use crate::desc::DroppedData;
-use crate::desc::InstancerDesc;
 use crate::mesh::Aabb;
 
-/// Columns are dependent if `det^2` is below this times the product of their squared lengths.
-const SINGULAR: f64 = 1e-24;
-/// Largest number of a record: its square is finite in single precision.
-pub(super) const MAX_MAGNITUDE: f32 = 1e18;
 /// If the numbers of a record add up to less than this, all are well below [`MAX_MAGNITUDE`].
 const USUAL_MAGNITUDE: f64 = 1e17;
-/// Rounding of the f32 matrix and of its evaluation, in units of the magnitudes involved: 4 x 2^-24.
-pub(crate) const MATRIX_ERROR: f64 = 4.0 / 16_777_216.0;
-
-/// The per-instance arrays of an instancer; absent and empty arrays are `None`.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct InstanceArrays {
-    pub(crate) mask: Option<TypedArray>,
-    pub(crate) translations: Option<TypedArray>,
-    pub(crate) rotations: Option<TypedArray>,
-    pub(crate) scales: Option<TypedArray>,
-    pub(crate) transforms: Option<TypedArray>,
-    /// Motion of the instances while the shutter is open.
-    pub(crate) motion: Option<Arc<ArrayMotion>>,
-    /// Instances that differ from the previous arrays, once they were asked for.
-    pub(crate) changes: OnceLock<(Weak<Self>, Option<Arc<ChangedNumbers>>)>,
-}
-
-impl InstanceArrays {
-    /// Takes the arrays of `desc`.
-    pub(crate) fn of(desc: &InstancerDesc) -> Self {
-        let present = |array: &Option<TypedArray>| array.clone().filter(|a| !a.is_empty());
-        Self {
-            mask: present(&desc.mask),
-            translations: present(&desc.translations),
-            rotations: present(&desc.rotations),
-            scales: present(&desc.scales),
-            transforms: present(&desc.transforms),
-            motion: None,
-            changes: OnceLock::new(),
-        }
-    }
-
-    /// The instances whose elements differ, if both have the same kinds of arrays and the same mask. The result is
-    /// stored, so that it is computed once for all prototypes. Callers that arrive before it is stored compute it too,
-    /// and none waits: a thread of the pool that works on other tasks while it waits could come back here and wait for
-    /// itself.
-    pub(crate) fn changes(old: &Arc<Self>, new: &Arc<Self>) -> Option<Arc<ChangedNumbers>> {
-        if new.changes.get().is_none() {
-            let changes = ChangedNumbers::between(old, new).map(Arc::new);
-            // Another thread may have been faster, with the same result.
-            drop(new.changes.set((Arc::downgrade(old), changes)));
-        }
-        let (from, changes) = new.changes.get()?;
-        if std::ptr::eq(from.as_ptr(), Arc::as_ptr(old)) { changes.clone() } else { None }
-    }
-
-    pub(crate) fn all(&self) -> [&Option<TypedArray>; 5] {
-        [&self.mask, &self.translations, &self.rotations, &self.scales, &self.transforms]
-    }
-
-    /// Returns true if both hold the same data.
-    pub(crate) fn same_contents(&self, other: &Self) -> bool {
-        let moves_alike = match (&self.motion, &other.motion) {
-            (None, None) => true,
-            (Some(a), Some(b)) => a.same_contents(b),
-            _ => false,
-        };
-        moves_alike
-            && self.all().into_iter().zip(other.all()).all(|pair| match pair {
-                (None, None) => true,
-                (Some(a), Some(b)) => a.same_contents(b),
-                _ => false,
-            })
-    }
-
-    /// Checks the element types. A mask of the wrong type is ignored; any other wrong array makes all instances
-    /// unusable, and the result false.
-    pub(crate) fn check_types(&mut self, dropped: &mut DroppedData) -> bool {
-        if self.mask.as_ref().is_some_and(|a| a.element() != ElementType::Bool) {
-            self.mask = None;
-            dropped.wrong_array_types += 1;
-        }
-        let reads = |array: &Option<TypedArray>, works: fn(&TypedArray) -> bool| array.as_ref().is_none_or(works);
-        let usable = [
-            reads(&self.translations, |a| a.vec3(0).is_some()),
-            reads(&self.rotations, |a| a.quat(0).is_some() || a.vec4(0).is_some()),
-            reads(&self.scales, |a| a.vec3(0).is_some()),
-            reads(&self.transforms, |a| a.matrix(0).is_some()),
-        ];
-        dropped.wrong_array_types += usable.iter().filter(|&&u| !u).count() as u64;
-        !usable.contains(&false)
-    }
-
-    /// Number of instances described: the length of the shortest array, or no limit without arrays.
-    pub(crate) fn len(&self) -> usize {
-        let [_, rest @ ..] = self.all();
-        rest.into_iter().flatten().map(TypedArray::len).min().unwrap_or(usize::MAX)
-    }
-}
-
-/// An affine matrix with finite entries and independent columns, or `None`.
-pub(crate) fn usable_affine(m: &DMat4) -> Option<DAffine3> {
-    let affine = affine_of(m)?;
-    (affine.is_finite() && is_regular(&affine.matrix3, affine.matrix3.determinant())).then_some(affine)
-}
-
-fn affine_of(m: &DMat4) -> Option<DAffine3> {
-    ((m.row(3) - DVec4::W).abs().max_element() <= 1e-9).then(|| DAffine3::from_mat4(*m))
-}
-
-pub(crate) fn is_regular(m: &DMat3, determinant: f64) -> bool {
-    let volume = m.x_axis.length_squared() * m.y_axis.length_squared() * m.z_axis.length_squared();
-    determinant * determinant > SINGULAR * volume
-}
 
 /// A placed instance.
 #[derive(Clone, Copy, Debug)]
@@ -133,8 +24,8 @@ pub(crate) struct PlacedInstance {
     pub(crate) object_from_parent: [[f32; 4]; 3],
     /// Box in the parent's frame, rounded outward.
     pub(crate) bounds: Aabb,
-    /// Flags of the record: its handedness.
-    pub(crate) flags: InstanceFlags,
+    /// True if the placement has a negative determinant.
+    pub(crate) flips_handedness: bool,
 }
 
 /// The centre and the size of a placed instance in the parent's frame, as the partition needs them.
@@ -153,22 +44,29 @@ pub(crate) struct InstanceFootprint {
 /// The data that place the instances of one run: `before * T * R * S * M * after`.
 #[derive(Clone, Debug)]
 pub(crate) struct InstancePlacer<'a> {
-    pub(super) before: DAffine3,
-    pub(super) after: DAffine3,
-    pub(super) after_is_identity: bool,
-    pub(super) center: DVec3,
-    pub(super) half: DVec3,
+    before: DAffine3,
+    after: DAffine3,
+    after_is_identity: bool,
+    center: DVec3,
+    half: DVec3,
     /// Largest number of a record.
-    pub(super) limit: f32,
+    limit: f32,
     /// Origin of the parent's frame for rounding.
-    pub(super) origin: DVec3,
-    pub(super) translations: Option<ArrayView<'a>>,
-    pub(super) rotations: Option<ArrayView<'a>>,
-    pub(super) scales: Option<ArrayView<'a>>,
-    pub(super) transforms: Option<ArrayView<'a>>,
-    pub(super) drift: Option<VelocityMotion<'a>>,
+    origin: DVec3,
+    translations: Option<ArrayView<'a>>,
+    rotations: Option<ArrayView<'a>>,
+    scales: Option<ArrayView<'a>>,
+    transforms: Option<ArrayView<'a>>,
+    drift: Option<VelocityMotion<'a>>,
     /// For a moving object: placers at two or more times.
-    pub(super) keys: Option<Arc<[KeyPlacer<'a>]>>,
+    keys: Option<Arc<[KeyPlacer<'a>]>>,
+}
+
+/// A placer of one time of the shutter.
+#[derive(Clone, Debug)]
+pub(crate) struct KeyPlacer<'a> {
+    pub(crate) time: f32,
+    pub(crate) placer: InstancePlacer<'a>,
 }
 
 impl<'a> InstancePlacer<'a> {
@@ -263,10 +161,9 @@ impl<'a> InstancePlacer<'a> {
         if self.keys.is_none() {
             return Some(placed);
         }
-        let ([min, max], _, flips) = self.swept(number)?;
+        let ([min, max], _, flips_handedness) = self.swept(number)?;
         let bounds = Aabb { min: min.to_array().map(round_down), max: max.to_array().map(round_up) };
-        let flags = if flips { InstanceFlags::FLIPS_HANDEDNESS } else { InstanceFlags::empty() };
-        Some(PlacedInstance { bounds, flags, ..placed })
+        Some(PlacedInstance { bounds, flips_handedness, ..placed })
     }
 
     /// As [`InstancePlacer::place`], for partitioning: lower and upper corner of the box before it is rounded outward,
@@ -307,9 +204,8 @@ impl<'a> InstancePlacer<'a> {
         // NaN fails the comparison too.
         let below = |numbers: &[f32]| numbers.iter().fold(true, |sound, v| sound & (v.abs() <= self.limit));
         let sound = below(object_from_parent.as_flattened()) & below(&bounds.min) & below(&bounds.max);
-        let flips = inverse.determinant < 0.0;
-        let flags = if flips { InstanceFlags::FLIPS_HANDEDNESS } else { InstanceFlags::empty() };
-        sound.then_some(PlacedInstance { object_from_parent, bounds, flags })
+        let flips_handedness = inverse.determinant < 0.0;
+        sound.then_some(PlacedInstance { object_from_parent, bounds, flips_handedness })
     }
 
     /// Box of the target placed by `m`, including the positions to which the f32 rounding `A + E` of the inverse
@@ -394,25 +290,4 @@ fn rotation(q: DQuat) -> DMat3 {
         DVec3::new(xy - wz, 1.0 - (xx + zz), yz + wx),
         DVec3::new(xz + wy, yz - wx, 1.0 - (xx + yy)),
     )
-}
-
-/// The nearest f32.
-#[inline]
-#[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is what is wanted")]
-pub(crate) fn nearest(v: f64) -> f32 {
-    v as f32
-}
-
-/// The largest f32 that is not above `v`.
-#[inline]
-pub(crate) fn round_down(v: f64) -> f32 {
-    let f = nearest(v);
-    if f64::from(f) > v { f.next_down() } else { f }
-}
-
-/// The smallest f32 that is not below `v`.
-#[inline]
-pub(crate) fn round_up(v: f64) -> f32 {
-    let f = nearest(v);
-    if f64::from(f) < v { f.next_up() } else { f }
 }

@@ -4,21 +4,34 @@
 
 use glam::{DAffine3, DVec3};
 
-use super::array_motion::VelocityMotion;
-use super::motion::{KEY_ERROR, MotionKey, PlacementKeys};
-use super::placement::{InstanceFootprint, InstancePlacer, MATRIX_ERROR, MAX_MAGNITUDE};
+use super::{InstanceFootprint, InstancePlacer, KeyPlacer};
 use crate::array::TypedArray;
-
-/// A placer of one time of the shutter.
-#[derive(Clone, Debug)]
-pub(crate) struct KeyPlacer<'a> {
-    pub(crate) time: f32,
-    pub(crate) placer: InstancePlacer<'a>,
-}
+use crate::instancing::affine::{MATRIX_ERROR, MAX_MAGNITUDE};
+use crate::instancing::array_motion::{ArrayMotion, VelocityMotion};
+use crate::instancing::arrays::InstanceArrays;
+use crate::instancing::motion::{KEY_ERROR, MotionKey, PlacementKeys};
 
 impl<'a> InstancePlacer<'a> {
+    /// The placers of the keys of `arrays` that move.
+    #[expect(clippy::cast_possible_truncation, reason = "keys have times in single precision")]
+    pub(crate) fn at_keys(&self, motion: &'a ArrayMotion, arrays: &'a InstanceArrays) -> Vec<KeyPlacer<'a>> {
+        match motion {
+            ArrayMotion::Samples(samples) => samples
+                .iter()
+                .map(|sample| KeyPlacer { time: sample.time as f32, placer: self.at_time(sample.arrays(), None) })
+                .collect(),
+            ArrayMotion::Velocities { motion: rates, .. } => {
+                let key = |time: f64| {
+                    let drift = VelocityMotion::at(rates, time);
+                    KeyPlacer { time: time as f32, placer: self.at_time(arrays.transforming(), Some(drift)) }
+                };
+                motion.times().into_iter().map(key).collect()
+            }
+        }
+    }
+
     /// The same placer at another time, with these arrays and with `drift` advanced.
-    pub(crate) fn at_time(&self, arrays: [Option<&'a TypedArray>; 4], drift: Option<VelocityMotion<'a>>) -> Self {
+    fn at_time(&self, arrays: [Option<&'a TypedArray>; 4], drift: Option<VelocityMotion<'a>>) -> Self {
         let [translations, rotations, scales, transforms] = arrays.map(|array| array.map(TypedArray::view));
         Self { translations, rotations, scales, transforms, drift, keys: None, ..self.clone() }
     }

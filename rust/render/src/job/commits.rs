@@ -1,0 +1,349 @@
+// SPDX-License-Identifier: Apache-2.0
+//! What the host asks for and the commit thread answers: the newest request, edits that wait, commits that are due, and
+//! the jobs that follow from them. Pure; under the mutex of [`RenderControl`].
+//!
+//! A request is sealed with the edits before it: a commit never has half of what a host edits between two requests. In
+//! an interactive session a job of the newest request follows at once, with the scene of the commit before; another one
+//! comes when the scene is another one. In a batch session a job comes after its commit alone.
+
+use crate::job::edits::EditQueue;
+use crate::job::light_files::LightFiles;
+use crate::job::request::RenderRequest;
+use crate::job::shared::RenderControl;
+use crate::job::{RenderJob, SessionOptions};
+use crate::textures::ImageLibrary;
+use oocpt_core::inventory::PrimvarUse;
+use oocpt_core::scene::Snapshot;
+use oocpt_core::settings::Settings;
+use std::sync::Arc;
+use std::thread::ThreadId;
+use std::time::{Duration, Instant};
+
+/// A job whose request came with edits waits so long for their commit: what a host changes together is shown together
+/// unless that would hold the picture for longer than a frame of 60 a second.
+const TOGETHER: Duration = Duration::from_millis(16);
+
+/// What a host wants to see of its scene.
+#[derive(Clone, Debug)]
+pub(crate) struct RenderAsk {
+    pub(crate) request: RenderRequest,
+    pub(crate) settings: Settings,
+    pub(crate) options: SessionOptions,
+    pub(crate) images: Option<Arc<dyn ImageLibrary>>,
+    pub(crate) files: Arc<dyn LightFiles>,
+}
+
+impl RenderAsk {
+    fn is_same(&self, request: &RenderRequest, settings: &Settings, files: &Arc<dyn LightFiles>) -> bool {
+        self.request == *request && self.settings == *settings && Arc::ptr_eq(&self.files, files)
+    }
+
+    /// Whether the job is what is asked for, whatever its scene.
+    fn is_of(&self, job: &RenderJob) -> bool {
+        self.is_same(&job.request, &job.settings, &job.files)
+    }
+
+    fn job(self, scene: CommittedScene, generation: u64, goes_on: bool) -> Arc<RenderJob> {
+        let Self { request, settings, options, images, files } = self;
+        let CommittedScene { snapshot, primvars, meshes_made, fixed_host_bytes } = scene;
+        Arc::new(RenderJob {
+            snapshot,
+            request,
+            settings,
+            options,
+            images,
+            files,
+            primvars,
+            meshes_made,
+            fixed_host_bytes,
+            goes_on,
+            generation,
+        })
+    }
+}
+
+/// The result of a commit.
+#[derive(Clone, Debug)]
+pub(crate) struct CommittedScene {
+    pub(crate) snapshot: Arc<Snapshot>,
+    /// The scene's primvars, and whether each is used.
+    pub(crate) primvars: Arc<[PrimvarUse]>,
+    /// Meshes that the session has built so far.
+    pub(crate) meshes_made: u64,
+    /// Bytes of host memory that can be put nowhere else; 0 where there is no budget of it.
+    pub(crate) fixed_host_bytes: u64,
+}
+
+impl CommittedScene {
+    fn of(job: &RenderJob) -> Self {
+        Self {
+            snapshot: Arc::clone(&job.snapshot),
+            primvars: Arc::clone(&job.primvars),
+            meshes_made: job.meshes_made,
+            fixed_host_bytes: job.fixed_host_bytes,
+        }
+    }
+}
+
+/// How far the commits of a session are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct CommitProgress {
+    /// Commits that have ended, those that found nothing to do included.
+    pub ended: u64,
+    /// Of these, those that held a thread of the host: always none.
+    pub in_host_thread: u64,
+    /// True if the scene of the newest [`crate::Session::render`] is not committed yet.
+    pub is_pending: bool,
+}
+
+/// The next piece of work of the commit thread.
+#[derive(Debug)]
+pub(crate) struct CommitWork {
+    pub(crate) edits: EditQueue,
+    /// What the commit is for; none if the edits are only noted.
+    pub(crate) ask: Option<RenderAsk>,
+}
+
+/// Requests and edits on their way to a job.
+#[derive(Debug, Default)]
+pub(crate) struct CommitQueue {
+    /// What was asked for last.
+    newest: Option<RenderAsk>,
+    /// Edits since then; no commit is made of them before the next request.
+    edits: EditQueue,
+    /// True if the scene has such edits already.
+    is_edited: bool,
+    /// Edits of requests whose commit has not begun.
+    due: EditQueue,
+    is_due: bool,
+    is_under_way: bool,
+    has_failed: bool,
+    /// The next job ends a stop.
+    ends_stop: bool,
+    /// A job follows the next commit even if nothing has changed.
+    restarts: bool,
+    /// The newest job waits until then for the commit that is pending.
+    held_until: Option<Instant>,
+    /// The thread that asked last.
+    host: Option<ThreadId>,
+    ended: u64,
+    in_host_thread: u64,
+}
+
+impl CommitQueue {
+    /// Adds edits, which take effect with the next request.
+    pub(crate) fn edit(&mut self, edits: EditQueue) {
+        self.edits.then(edits);
+    }
+
+    /// Whether a request has no scene yet.
+    pub(crate) fn is_pending(&self) -> bool {
+        self.is_due || self.is_under_way
+    }
+
+    /// Whether a host that waits for its picture has to wait for a commit.
+    pub(crate) fn is_awaited(&self) -> bool {
+        self.is_pending() && self.ends_stop
+    }
+
+    pub(crate) fn has_work(&self) -> bool {
+        self.is_due || (!self.is_under_way && !self.edits.is_empty())
+    }
+
+    /// The next piece of work. Edits without a request are only noted, so that the host's arrays that they replace are
+    /// given back soon; never while a request waits that came before them.
+    pub(crate) fn begin(&mut self) -> Option<CommitWork> {
+        if self.is_due {
+            self.is_due = false;
+            self.is_under_way = true;
+            return Some(CommitWork { edits: std::mem::take(&mut self.due), ask: self.newest.clone() });
+        }
+        (!self.edits.is_empty()).then(|| CommitWork { edits: self.take_edits(), ask: None })
+    }
+
+    /// Takes the edits that no request came after; the next one is told that the scene has them.
+    pub(crate) fn take_edits(&mut self) -> EditQueue {
+        self.is_edited = true;
+        std::mem::take(&mut self.edits)
+    }
+
+    /// How long the newest job is to wait for the commit that is pending, if at all.
+    pub(crate) fn hold(&self, now: Instant) -> Option<Duration> {
+        self.held_until.filter(|until| now < *until).map(|until| until - now)
+    }
+
+    pub(crate) fn stop(&mut self) {
+        self.ends_stop = false;
+    }
+
+    pub(crate) fn progress(&self) -> CommitProgress {
+        CommitProgress { ended: self.ended, in_host_thread: self.in_host_thread, is_pending: self.is_pending() }
+    }
+}
+
+impl RenderControl {
+    /// Takes a request. `None` if it is that of before and nothing was edited; else whether it is another one.
+    pub(crate) fn ask(&mut self, ask: RenderAsk) -> Option<bool> {
+        let commits = &mut self.commits;
+        let is_known = |newest: &RenderAsk| newest.is_same(&ask.request, &ask.settings, &ask.files);
+        let is_known = commits.newest.as_ref().is_some_and(is_known);
+        let is_edited = commits.is_edited || !commits.edits.is_empty();
+        if is_known && !is_edited {
+            return None;
+        }
+        commits.due.then(std::mem::take(&mut commits.edits));
+        commits.is_edited = false;
+        commits.is_due = true;
+        commits.ends_stop = true;
+        commits.host = Some(std::thread::current().id());
+        if let Some(job) = self.job.as_ref().filter(|job| ask.settings.interactive && !ask.is_of(job)) {
+            if is_edited {
+                commits.held_until = commits.held_until.or_else(|| Instant::now().checked_add(TOGETHER));
+            }
+            let scene = CommittedScene::of(job);
+            self.stopped = false;
+            // The scene lives on in the new job: what is dropped here is small.
+            drop(self.post(ask.clone(), scene, true));
+        }
+        self.commits.newest = Some(ask);
+        Some(!is_known)
+    }
+
+    /// Ends the commit for `ask`: posts what follows of it. Without a result, the scene stays what it was. Returns what
+    /// is to be dropped without the lock.
+    #[must_use]
+    pub(crate) fn committed(&mut self, ask: RenderAsk, result: Option<CommittedScene>) -> Option<Arc<RenderJob>> {
+        let commits = &mut self.commits;
+        commits.is_under_way = false;
+        commits.held_until = None;
+        commits.has_failed = result.is_none();
+        commits.ended += 1;
+        commits.in_host_thread += u64::from(commits.host == Some(std::thread::current().id()));
+        // What came during the commit counts, where pictures on the way are wanted.
+        let ask = commits.newest.clone().filter(|newest| newest.settings.interactive).unwrap_or(ask);
+        let scene = result.or_else(|| self.job.as_deref().map(CommittedScene::of));
+        let restarts = std::mem::take(&mut commits.restarts);
+        let is_new = |scene: &CommittedScene| {
+            let is_shown = |job: &Arc<RenderJob>| job.snapshot.version == scene.snapshot.version && ask.is_of(job);
+            restarts || !self.job.as_ref().is_some_and(is_shown)
+        };
+        let scene = scene.filter(is_new);
+        if scene.is_some() && commits.ends_stop {
+            self.stopped = false;
+        }
+        commits.ends_stop &= commits.is_due;
+        self.post(ask, scene?, !restarts)
+    }
+
+    /// Renders the newest job again, from its first sample; if its commit is pending, then after that.
+    pub(crate) fn restart(&mut self, options: SessionOptions) {
+        let commits = &mut self.commits;
+        commits.is_due |= commits.has_failed;
+        if let Some(newest) = &mut commits.newest {
+            newest.options = options;
+        }
+        let is_pending = commits.is_pending();
+        commits.ends_stop = is_pending;
+        let is_live = commits.newest.as_ref().is_some_and(|newest| newest.settings.interactive);
+        commits.restarts = is_pending && !is_live;
+        self.paused = false;
+        if !commits.restarts {
+            self.stopped = false;
+            self.generation += 1;
+            let generation = self.generation;
+            self.job = self
+                .job
+                .take()
+                .map(|job| Arc::new(RenderJob { options, generation, goes_on: false, ..(*job).clone() }));
+        }
+    }
+
+    /// Posts a job; returns the one before.
+    fn post(&mut self, ask: RenderAsk, scene: CommittedScene, goes_on: bool) -> Option<Arc<RenderJob>> {
+        self.generation += 1;
+        self.job.replace(ask.job(scene, self.generation, goes_on))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::job::edits::SceneEdit;
+    use crate::job::light_files::NoFiles;
+    use glam::DMat4;
+    use oocpt_core::camera::Camera;
+    use oocpt_core::scene::SceneDb;
+
+    fn camera() -> Camera {
+        Camera {
+            world_from_view: DMat4::IDENTITY,
+            projection: DMat4::IDENTITY,
+            display_window: [0.0, 0.0, 1.0, 1.0],
+            data_window: [0, 0, 1, 1],
+            lens_radius: 0.0,
+            focus_distance: 0.0,
+            clip_planes: Vec::new(),
+            motion: Vec::new(),
+            exposure_scale: 1.0,
+        }
+    }
+
+    fn ask(width: u32, files: &Arc<dyn LightFiles>) -> RenderAsk {
+        RenderAsk {
+            request: RenderRequest { width, height: 1, camera: camera(), aovs: Vec::new(), window: None },
+            settings: Settings { interactive: true, ..Settings::default() },
+            options: SessionOptions::default(),
+            images: None,
+            files: Arc::clone(files),
+        }
+    }
+
+    /// Asks for a picture of this width and ends its commit; the scene is that of before.
+    fn commit(control: &mut RenderControl, scene: &CommittedScene, ask: RenderAsk) {
+        assert_eq!(control.ask(ask), Some(true), "a request that is new");
+        let ask = control.commits.begin().and_then(|work| work.ask).expect("a commit");
+        drop(control.committed(ask, Some(scene.clone())));
+    }
+
+    #[test]
+    fn a_request_that_comes_with_edits_waits_for_their_commit_a_little_and_others_do_not() {
+        let files: Arc<dyn LightFiles> = Arc::new(NoFiles);
+        let snapshot = SceneDb::new().commit().snapshot;
+        let scene = CommittedScene { snapshot, primvars: Vec::new().into(), meshes_made: 0, fixed_host_bytes: 0 };
+        let mut control = RenderControl::default();
+        commit(&mut control, &scene, ask(1, &files));
+        assert_eq!(control.generation, 1, "one job");
+        assert_eq!(control.ask(ask(1, &files)), None, "the same again");
+        commit(&mut control, &scene, ask(2, &files));
+        assert_eq!(control.generation, 2, "no second job of a scene that stayed");
+        control.commits.edit(vec![SceneEdit::other(|_| {})].into());
+        control.ask(ask(3, &files));
+        let now = Instant::now();
+        let hold = control.commits.hold(now).expect("it waits for the edits");
+        assert!(hold <= TOGETHER && control.commits.hold(now + TOGETHER).is_none(), "not for long: {hold:?}");
+        let ask_of_edits = control.commits.begin().and_then(|work| work.ask).expect("a commit");
+        control.ask(ask(4, &files));
+        drop(control.committed(ask_of_edits, Some(scene.clone())));
+        assert_eq!(control.commits.hold(now), None, "the commit is done");
+        assert_eq!(control.job.as_ref().map(|job| job.request.width), Some(4), "the newest request");
+        control.commits.begin().expect("the commit of the last one");
+        control.ask(ask(5, &files));
+        assert_eq!(control.commits.hold(Instant::now()), None, "nothing was edited");
+    }
+
+    #[test]
+    fn edits_without_a_request_are_noted_while_no_request_waits() {
+        let files: Arc<dyn LightFiles> = Arc::new(NoFiles);
+        let mut control = RenderControl::default();
+        let edits = || vec![SceneEdit::other(|_| {})].into();
+        control.commits.edit(edits());
+        let noted = control.commits.begin().expect("work");
+        assert!(noted.ask.is_none() && !noted.edits.is_empty(), "noted");
+        assert!(!control.commits.is_pending() && control.commits.begin().is_none(), "not committed");
+        assert_eq!(control.ask(ask(1, &files)), Some(true), "a request");
+        control.commits.edit(edits());
+        let work = control.commits.begin().expect("work");
+        assert!(work.ask.is_some() && work.edits.is_empty(), "without the edits after it");
+        assert_eq!(control.ask(ask(1, &files)), Some(false), "the same request with edits is work");
+    }
+}

@@ -1,0 +1,160 @@
+// SPDX-License-Identifier: Apache-2.0
+//! A commit of the scene: edits in, a snapshot and what a job needs beside it out. Takes as long as the edits are large.
+
+use crate::device::loader::Loader;
+use crate::geometry_files::{GeometryFiles, GeometrySetting};
+use crate::host_memory::{self, HostMemoryTaken, HostMemoryUser};
+use crate::job::commits::{CommittedScene, RenderAsk};
+use crate::job::edits::EditQueue;
+use crate::job::request::Severity;
+use crate::job::shared::SharedState;
+use crate::report::material_report::MaterialReport;
+use crate::textures::HeightTextures;
+use oocpt_core::inventory::PrimvarUse;
+use oocpt_core::mesh::MeshFiles;
+use oocpt_core::partition::PartitionOptions;
+use oocpt_core::scene::{DicingCamera, LentBytes, SceneDb, Snapshot, summary};
+use oocpt_core::settings::Settings;
+use std::any::Any;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
+use std::sync::Arc;
+
+/// A session's scene, and what its commits keep.
+#[derive(Debug, Default)]
+pub(super) struct SessionScene {
+    pub(super) db: SceneDb,
+    pub(super) heights: Option<Arc<HeightTextures>>,
+    geometry_files: Option<Arc<GeometryFiles>>,
+    /// Of the snapshot of that version.
+    primvars: (u64, Arc<[PrimvarUse]>),
+    /// What `oocpt:materialReport` was written of: edits of materials, and the file.
+    material_report: (u64, String),
+    /// What was said last of the budget of host memory.
+    host_complaint: Option<String>,
+}
+
+impl SessionScene {
+    /// Edits the scene. An edit that fails is lost, and told.
+    pub(super) fn edit(&mut self, edits: EditQueue, shared: &SharedState) {
+        for edit in edits {
+            let path = edit.path().to_owned();
+            if let Err(panic) = catch_unwind(AssertUnwindSafe(|| edit.apply(&mut self.db))) {
+                let text = format!("{path}: an edit is lost: internal error: {}", panic_text(panic.as_ref()));
+                tracing::error!(text, "caught a panic of an edit");
+                shared.report(Severity::Error, text);
+            }
+        }
+    }
+
+    /// Commits the scene for `ask`. `None` if that failed, which was told: then the next commit begins where this one
+    /// began.
+    pub(super) fn commit(&mut self, ask: &RenderAsk, shared: &Arc<SharedState>) -> Option<CommittedScene> {
+        catch_unwind(AssertUnwindSafe(|| self.committed(ask, shared)))
+            .inspect_err(|panic| {
+                let text = panic_text(panic.as_ref());
+                tracing::error!(text, "caught a panic of a commit");
+                let told = "the scene could not be committed, and is tried again with the next change";
+                let told = format!("{told}: internal error: {text}; the picture is of the scene before");
+                shared.report(Severity::Error, told);
+            })
+            .ok()
+    }
+
+    fn committed(&mut self, ask: &RenderAsk, shared: &Arc<SharedState>) -> CommittedScene {
+        let settings = &ask.settings;
+        self.heights.iter().for_each(|heights| heights.keep_in(settings));
+        self.db.set_partition(PartitionOptions { chunk_bytes: u64::from(settings.chunk_size_kib) << 10 });
+        let dicing = DicingCamera::new(&ask.request.camera, settings.dicing_rate).live(settings.interactive);
+        self.db.set_dicing(dicing);
+        let lent = self.keep_meshes(settings, shared);
+        #[cfg(feature = "faults")]
+        shared.commit_gate.pass();
+        let commit = self.db.commit();
+        let fixed_host_bytes = self.watch_host_memory(settings, &lent, &commit.snapshot, shared);
+        self.report_materials(&settings.material_report, shared);
+        for line in summary(&commit.warnings) {
+            shared.report(Severity::Warning, line);
+        }
+        let (primvars, meshes_made) = (self.primvars_of(commit.snapshot.version), self.db.meshes_made());
+        CommittedScene { snapshot: commit.snapshot, primvars, meshes_made, fixed_host_bytes }
+    }
+
+    /// Has meshes built and kept as the settings say. With a budget of host memory gives what the scene's arrays take.
+    fn keep_meshes(&mut self, settings: &Settings, shared: &Arc<SharedState>) -> LentBytes {
+        let budget = host_memory::budget(settings);
+        let lent = budget.map(|_| self.db.lent()).unwrap_or_default();
+        let tables = self.db.snapshot().world.host_bytes();
+        let fixed = lent.bytes + tables + Loader::staging_bytes();
+        let has_rendered = shared.control().job.is_some();
+        let commit = host_memory::of_commit(settings, fixed, has_rendered);
+        self.db.set_host_budget(budget.unwrap_or(u64::MAX));
+        self.db.set_partition_memory(commit.sorting);
+        let memory = self.db.mesh_memory();
+        memory.set_room(commit.building);
+        memory.set_limit(host_memory::limit_of(HostMemoryUser::Meshes, settings, memory.held(), fixed));
+        let setting = GeometrySetting::of(settings);
+        if self.geometry_files.as_ref().map(|files| files.setting()) != setting.as_ref() {
+            self.geometry_files = setting.map(|setting| Arc::new(GeometryFiles::new(setting, shared)));
+            self.db.set_mesh_files(self.geometry_files.clone().map(|files| files as Arc<dyn MeshFiles>));
+        }
+        lent
+    }
+
+    /// With a budget of host memory: the bytes that can be put nowhere else; tells where they are more than there is,
+    /// or where meshes have no other place.
+    fn watch_host_memory(
+        &mut self,
+        settings: &Settings,
+        lent: &LentBytes,
+        snapshot: &Snapshot,
+        shared: &SharedState,
+    ) -> u64 {
+        let Some(budget) = host_memory::budget(settings) else { return 0 };
+        let tables = snapshot.world.host_bytes();
+        let memory = self.db.mesh_memory();
+        let taken = HostMemoryTaken {
+            lent,
+            tables,
+            staging: Loader::staging_bytes(),
+            held: memory.held(),
+            building: memory.overrun(),
+            has_files: self.geometry_files.is_some(),
+        };
+        let complaint = host_memory::complaint(budget, &taken);
+        // Once, however often the scene is rendered.
+        if let Some(text) = complaint.as_ref().filter(|_| self.host_complaint != complaint) {
+            shared.report(Severity::Warning, text.clone());
+        }
+        self.host_complaint = complaint;
+        lent.bytes + tables + Loader::staging_bytes()
+    }
+
+    fn primvars_of(&mut self, version: u64) -> Arc<[PrimvarUse]> {
+        if self.primvars.0 != version {
+            self.primvars = (version, self.db.primvar_uses().into());
+        }
+        Arc::clone(&self.primvars.1)
+    }
+
+    /// Writes the report that `oocpt:materialReport` names, once for each state of the materials.
+    fn report_materials(&mut self, file: &str, shared: &SharedState) {
+        let wanted = (self.db.material_edits(), file.to_owned());
+        if file.is_empty() || self.material_report == wanted {
+            return;
+        }
+        self.material_report = wanted;
+        if let Err(error) = MaterialReport::of(&self.db).write(Path::new(file)) {
+            shared.report(Severity::Warning, format!("oocpt:materialReport: {error}"));
+        }
+    }
+}
+
+/// The words of a panic.
+pub(super) fn panic_text(panic: &(dyn Any + Send)) -> String {
+    panic
+        .downcast_ref::<&str>()
+        .map(ToString::to_string)
+        .or_else(|| panic.downcast_ref::<String>().cloned())
+        .unwrap_or_else(|| "unknown panic".into())
+}
