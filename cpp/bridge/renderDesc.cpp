@@ -3,12 +3,13 @@
 
 #include "bridge/scalar.h"
 #include "oocpt-bridge/src/lib.rs.h"
+#include "pxr/base/gf/vec2d.h"
 #include "pxr/base/gf/vec4d.h"
 #include "scene/primReader.h"
 
 #include <algorithm>
 #include <array>
-#include <cstring>
+#include <cmath>
 
 PXR_NAMESPACE_OPEN_SCOPE
 
@@ -39,6 +40,13 @@ GfMatrix4d _InverseOfView(const GfMatrix4d& worldToView)
     return viewToWorld;
 }
 
+/// A window's edge that fits whatever the host or the scene passes.
+int32_t _Edge(double pixels)
+{
+    constexpr double bound = 1 << 24;
+    return static_cast<int32_t>(std::min(std::max(pixels, -bound), bound));
+}
+
 void _FillCamera(const HdOocPTRenderRequest& request, const HdOocPTLens& lens, oocpt::RenderDesc* desc)
 {
     const GfMatrix4d viewToWorld = _InverseOfView(request.worldToView);
@@ -46,30 +54,19 @@ void _FillCamera(const HdOocPTRenderRequest& request, const HdOocPTLens& lens, o
     std::copy_n(request.projection.GetArray(), 16, desc->projection.begin());
     desc->lens_radius = lens.radius;
     desc->focus_distance = lens.focusDistance;
-    desc->data_window = { 0, 0, request.width, request.height };
     // Hydra has applied the framing to the projection: its [-1, 1] square lands on the data window.
     const GfRect2i window
         = request.dataWindow.IsEmpty() ? GfRect2i(GfVec2i(0, 0), request.width, request.height) : request.dataWindow;
     desc->display_window = { static_cast<float>(window.GetMinX()), static_cast<float>(window.GetMinY()),
         static_cast<float>(window.GetMaxX()) + 1.0f, static_cast<float>(window.GetMaxY()) + 1.0f };
+    desc->data_window = { _Edge(window.GetMinX()), _Edge(window.GetMinY()), _Edge(window.GetMaxX() + 1.0),
+        _Edge(window.GetMaxY() + 1.0) };
 }
 
-/// One pixel's clear value as the bytes of the AOV's format.
-std::array<unsigned char, 16> _ClearBytes(const TfToken& aov, std::array<float, 4> clear)
+/// The first pixel whose centre is not before an edge.
+int32_t _FirstFrom(double edge)
 {
-    std::array<unsigned char, 16> bytes {};
-    const std::string& name = aov.GetString();
-    const bool isId = name.size() > 2 && name.compare(name.size() - 2, 2, "Id") == 0;
-    if (isId) {
-        // Casting a value that does not fit is undefined behaviour, and hosts may pass anything.
-        constexpr float bound = 1 << 24;
-        const float value = clear[0] == clear[0] ? std::min(std::max(clear[0], -bound), bound) : -1.0f;
-        const int32_t number = static_cast<int32_t>(value);
-        std::memcpy(bytes.data(), &number, sizeof(number));
-    } else {
-        std::memcpy(bytes.data(), clear.data(), sizeof(clear));
-    }
-    return bytes;
+    return _Edge(std::ceil(edge - 0.5));
 }
 
 } // namespace
@@ -91,30 +88,24 @@ oocpt::RenderDesc HdOocPTDescribeRender(const HdOocPTRenderRequest& request, con
     return desc;
 }
 
-void HdOocPTClearOutside(const HdOocPTRenderRequest& request, const TfToken& aov, void* pixels, size_t byteCount)
+void HdOocPTCrop(const HdOocPTRenderRequest& request, const std::optional<GfRange2d>& window, oocpt::RenderDesc* desc)
 {
-    const size_t width = _Size(request.width);
-    const size_t height = _Size(request.height);
-    const GfRect2i buffer(GfVec2i(0, 0), request.width, request.height);
-    const GfRect2i window = request.dataWindow.GetIntersection(buffer);
-    const auto known = std::find_if(request.aovs.begin(), request.aovs.end(),
-        [&](const HdOocPTAovRequest& candidate) { return candidate.name == aov; });
-    if (request.dataWindow.IsEmpty() || window == buffer || known == request.aovs.end() || width * height == 0
-        || byteCount % (width * height) != 0 || byteCount / (width * height) > 16) {
+    if (!window) {
         return;
     }
-    const size_t pixelBytes = byteCount / (width * height);
-    std::array<float, 4> clear {};
-    HdOocPTToClear(known->clearValue, &clear);
-    const std::array<unsigned char, 16> value = _ClearBytes(aov, clear);
-    auto* out = static_cast<unsigned char*>(pixels);
-    for (size_t row = 0; row < height; ++row) {
-        const int y = static_cast<int>(height - 1 - row);
-        for (size_t x = 0; x < width; ++x, out += pixelBytes) {
-            if (!window.Contains(GfVec2i(static_cast<int>(x), y))) {
-                std::memcpy(out, value.data(), pixelBytes);
-            }
-        }
+    const GfRange2d picture = request.displayWindow.IsEmpty()
+        ? GfRange2d(GfVec2d(0.0), GfVec2d(request.width, request.height))
+        : GfRange2d(GfVec2d(request.displayWindow.GetMin()), GfVec2d(request.displayWindow.GetMax()));
+    const GfVec2d size = picture.GetSize();
+    // Windows of settings are y up, those of requests y down. A pixel counts if its centre is inside.
+    const double left = picture.GetMin()[0];
+    const double bottom = picture.GetMax()[1];
+    const std::array<int32_t, 4> wanted { _FirstFrom(left + window->GetMin()[0] * size[0]),
+        _FirstFrom(bottom - window->GetMax()[1] * size[1]), _FirstFrom(left + window->GetMax()[0] * size[0]),
+        _FirstFrom(bottom - window->GetMin()[1] * size[1]) };
+    for (size_t i = 0; i < 2; ++i) {
+        desc->data_window[i] = std::max(desc->data_window[i], wanted[i]);
+        desc->data_window[i + 2] = std::min(desc->data_window[i + 2], wanted[i + 2]);
     }
 }
 

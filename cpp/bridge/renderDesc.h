@@ -3,11 +3,11 @@
 #define HDOOCPT_BRIDGE_RENDER_DESC_H
 
 #include "bridge/session.h"
-#include "pxr/base/gf/rect2i.h"
+#include "pxr/base/gf/range2d.h"
 #include "pxr/pxr.h"
 #include "scene/cameraReader.h"
 
-#include <cstddef>
+#include <optional>
 
 namespace oocpt {
 struct RenderDesc;
@@ -15,14 +15,12 @@ struct RenderDesc;
 
 PXR_NAMESPACE_OPEN_SCOPE
 
-/// Describes a request for Rust. The image is the whole buffer; HdOocPTClearOutside() clears the pixels outside of the
-/// data window when the image is read.
+/// Describes a request for Rust. Images are of the whole buffer; the data window is what is rendered of it.
 oocpt::RenderDesc HdOocPTDescribeRender(const HdOocPTRenderRequest& request, const HdOocPTLens& lens);
 
-/// Overwrites the pixels of an image (bottom row first) that lie outside of the request's data window with the AOV's
-/// clear value. Does nothing if the window covers the buffer, if it is empty, or if the size is not that of the
-/// request.
-void HdOocPTClearOutside(const HdOocPTRenderRequest& request, const TfToken& aov, void* pixels, size_t byteCount);
+/// Leaves of the data window what the scene's render settings ask for (HdOocPTReadDataWindow()): their window is 0 to 1
+/// over the request's display window.
+void HdOocPTCrop(const HdOocPTRenderRequest& request, const std::optional<GfRange2d>& window, oocpt::RenderDesc* desc);
 
 PXR_NAMESPACE_CLOSE_SCOPE
 

@@ -81,8 +81,6 @@ public:
     /// Guards the members that follow.
     std::mutex mutex;
     std::vector<std::string> errors;
-    /// The last request, for its windows and clear values.
-    HdOocPTRenderRequest request;
 };
 
 void HdOocPTSession::_Impl::ForwardSetting(const TfToken& key, const VtValue& value)
@@ -256,6 +254,7 @@ void HdOocPTSession::Render(const HdOocPTRenderRequest& request)
         if (_impl->reader) {
             desc.exposure_scale = _impl->reader->GetExposureScale(request.cameraPath, &_impl->warnings);
             _impl->reader->CheckPurposes(request.renderTags, &_impl->warnings);
+            HdOocPTCrop(request, _impl->reader->GetDataWindow(), &desc);
             GfMatrix4d viewToWorld(1.0);
             std::copy_n(desc.world_from_view.begin(), 16, viewToWorld.GetArray());
             HdOocPTFillMotion(_impl->reader->GetCameraMotion(request.cameraPath, viewToWorld), &desc.camera_motion);
@@ -268,10 +267,6 @@ void HdOocPTSession::Render(const HdOocPTRenderRequest& request)
             && std::any_of(request.aovs.begin(), request.aovs.end(), isMotion)) {
             _impl->warnings.Add(request.cameraPath,
                 "its shutter is not open, or motion blur is turned off: the AOV motion is 0 everywhere");
-        }
-        {
-            const std::lock_guard<std::mutex> lock(_impl->mutex);
-            _impl->request = request;
         }
         (*_impl->session)->render(std::move(desc));
     });
@@ -342,10 +337,6 @@ uint64_t HdOocPTSession::ReadAov(const TfToken& name, uint64_t known, void* dest
             const rust::Slice<uint8_t> bytes(static_cast<uint8_t*>(destination), byteCount);
             version = (*_impl->session)->read_aov(_Str(name.GetString()), known, bytes);
         });
-    }
-    if (version != 0 && version != known) {
-        const std::lock_guard<std::mutex> lock(_impl->mutex);
-        HdOocPTClearOutside(_impl->request, name, destination, byteCount);
     }
     return version;
 }

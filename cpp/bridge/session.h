@@ -3,6 +3,7 @@
 #define HDOOCPT_BRIDGE_SESSION_H
 
 #include "pxr/base/gf/matrix4d.h"
+#include "pxr/base/gf/range2f.h"
 #include "pxr/base/gf/rect2i.h"
 #include "pxr/base/tf/token.h"
 #include "pxr/base/vt/dictionary.h"
@@ -42,8 +43,10 @@ struct HdOocPTRenderRequest
     GfMatrix4d worldToView { 1.0 };
     GfMatrix4d projection { 1.0 };
     /// CameraUtilFraming's data window, y down with inclusive maximum, as Hydra hands it out: the projection's [-1, 1]
-    /// square lands on it, and the rest of the buffer is cleared. An empty one means the whole buffer.
+    /// square lands on it, and nothing else is rendered. An empty one means the whole buffer.
     GfRect2i dataWindow;
+    /// CameraUtilFraming's display window, as the data window; an empty one means the whole buffer.
+    GfRange2f displayWindow;
     std::vector<HdOocPTAovRequest> aovs;
     /// Render tags of the pass ("geometry" = default purpose, "render", "proxy", "guide"); empty means all.
     TfTokenVector renderTags;

@@ -45,6 +45,7 @@ void HdOocPTRenderPass::_Execute(HdRenderPassStateSharedPtr const& renderPassSta
             CameraUtilFraming const& framing = renderPassState->GetFraming();
             if (framing.IsValid()) {
                 request.dataWindow = framing.dataWindow;
+                request.displayWindow = framing.displayWindow;
             }
             request.cameraPath = camera ? camera->GetId() : SdfPath();
             request.worldToView = renderPassState->GetWorldToViewMatrix();

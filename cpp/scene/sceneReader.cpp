@@ -126,7 +126,7 @@ void HdOocPTSceneReader::Read(const PrimIdLookup& primIdOf, oocpt::SceneEdits* e
             edits->materials.push_back(std::move(*job.material));
         }
     }
-    _ReadSettings();
+    _ReadSettings(warnings);
 }
 
 void HdOocPTSceneReader::_TakeRemovals(const std::vector<SdfPath>& removed, oocpt::SceneEdits* edits, _DirtyBits* dirty)
@@ -431,9 +431,10 @@ HdOocPTTransformSamples HdOocPTSceneReader::GetCameraMotion(const SdfPath& camer
     return HdOocPTReadTransformSamples(container, _shutter);
 }
 
-void HdOocPTSceneReader::_ReadSettings()
+void HdOocPTSceneReader::_ReadSettings(HdOocPTWarnings* warnings)
 {
     _settings.clear();
+    _dataWindow = std::nullopt;
     _isMotionDisabled = false;
     _isLensDisabled = false;
     for (const SdfPath& path : _settingsPrims) {
@@ -441,6 +442,9 @@ void HdOocPTSceneReader::_ReadSettings()
             _settings[name] = value;
         }
         _isMotionDisabled = _isMotionDisabled || HdOocPTReadsMotionDisabled(*_scene, path);
+        if (const std::optional<GfRange2d> window = HdOocPTReadDataWindow(*_scene, path, warnings)) {
+            _dataWindow = window;
+        }
         _isLensDisabled = _isLensDisabled || HdOocPTReadsLensDisabled(*_scene, path);
     }
 }

@@ -67,6 +67,10 @@ public:
     /// The settings of the active render settings prim, as of the last Read().
     const HdOocPTSettingMap& GetSettings() const { return _settings; }
 
+    /// The part of the picture that the active render settings ask for, as of the last Read(); see
+    /// HdOocPTReadDataWindow().
+    const std::optional<GfRange2d>& GetDataWindow() const { return _dataWindow; }
+
     /// The current lens of a camera prim; none if the active render settings turn it off.
     HdOocPTLens GetLens(const SdfPath& camera) const
     {
@@ -113,7 +117,7 @@ private:
     /// Reads prims in parallel; one that cannot be read is left out, with a warning.
     void _RunJobs(std::vector<_Job>* jobs, const PrimIdLookup& primIdOf, HdOocPTWarnings* warnings) const;
     void _ReadJob(_Job* job, const PrimIdLookup& primIdOf, HdOocPTWarnings* warnings) const;
-    void _ReadSettings();
+    void _ReadSettings(HdOocPTWarnings* warnings);
     void _SetShutter(const HdOocPTShutter& shutter);
 
     const HdSceneIndexBaseRefPtr _scene;
@@ -123,6 +127,7 @@ private:
     HdOocPTLinks _links;
     std::set<SdfPath> _settingsPrims;
     HdOocPTSettingMap _settings;
+    std::optional<GfRange2d> _dataWindow;
     SdfPath _camera;
     HdOocPTShutter _shutter;
     bool _isShutterNew = false;

@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "scene/settingsReader.h"
 
+#include "pxr/base/gf/range2f.h"
+#include "pxr/base/gf/vec4f.h"
 #include "pxr/base/vt/array.h"
 #include "scene/dataSource.h"
 #include "scene/primReader.h"
 #include "scene/tokens.h"
 
 #include <algorithm>
+#include <cmath>
 #include <string>
 
 PXR_NAMESPACE_OPEN_SCOPE
@@ -114,6 +117,63 @@ bool HdOocPTReadsMotionDisabled(const HdSceneIndexBase& scene, const SdfPath& pa
 bool HdOocPTReadsLensDisabled(const HdSceneIndexBase& scene, const SdfPath& path)
 {
     return _IsAnySet(_FindActive(scene, path), { HdOocPTSceneTokens->disableDepthOfField });
+}
+
+namespace {
+
+/// The dataWindowNDC of settings or of a product: left, bottom, right, top.
+std::optional<GfVec4d> _ReadWindow(const HdContainerDataSourceHandle& container)
+{
+    const TfToken& name = HdOocPTSceneTokens->dataWindowNDC;
+    const VtValue value = _Has(container, name) ? HdOocPTRead(container, { name }) : VtValue();
+    if (value.IsHolding<GfVec4f>()) {
+        return GfVec4d(value.UncheckedGet<GfVec4f>());
+    }
+    if (value.IsHolding<GfRange2f>()) {
+        const GfRange2f& range = value.UncheckedGet<GfRange2f>();
+        return GfVec4d(range.GetMin()[0], range.GetMin()[1], range.GetMax()[0], range.GetMax()[1]);
+    }
+    return std::nullopt;
+}
+
+/// The windows of the settings themselves or of all their products.
+std::vector<GfVec4d> _ReadWindows(const HdContainerDataSourceHandle& settings)
+{
+    std::vector<GfVec4d> windows;
+    if (const std::optional<GfVec4d> window = _ReadWindow(settings)) {
+        windows.push_back(*window);
+        return windows;
+    }
+    const TfToken& name = HdOocPTSceneTokens->renderProducts;
+    const HdVectorDataSourceHandle products
+        = _Has(settings, name) ? HdVectorDataSource::Cast(HdOocPTFind(settings, { name })) : nullptr;
+    for (size_t i = 0; i < (products ? products->GetNumElements() : 0); ++i) {
+        const std::optional<GfVec4d> window = _ReadWindow(HdContainerDataSource::Cast(products->GetElement(i)));
+        // A product without one is of the whole picture.
+        windows.push_back(window.value_or(GfVec4d(0.0, 0.0, 1.0, 1.0)));
+    }
+    return windows;
+}
+
+} // namespace
+
+std::optional<GfRange2d> HdOocPTReadDataWindow(
+    const HdSceneIndexBase& scene, const SdfPath& path, HdOocPTWarnings* warnings)
+{
+    const HdContainerDataSourceHandle settings = _FindActive(scene, path);
+    const std::vector<GfVec4d> windows = settings ? _ReadWindows(settings) : std::vector<GfVec4d>();
+    GfRange2d all;
+    for (const GfVec4d& window : windows) {
+        if (!std::isfinite(window[0] + window[1] + window[2] + window[3])) {
+            warnings->Add(path, "its dataWindowNDC is not finite; the whole picture is rendered");
+            return std::nullopt;
+        }
+        if (window[0] < window[2] && window[1] < window[3]) {
+            all.UnionWith(GfRange2d(GfVec2d(window[0], window[1]), GfVec2d(window[2], window[3])));
+        }
+    }
+    const bool isWhole = windows.empty() || all == GfRange2d(GfVec2d(0.0), GfVec2d(1.0));
+    return isWhole ? std::nullopt : std::make_optional(all);
 }
 
 HdOocPTPurposes HdOocPTReadPurposes(const HdSceneIndexBase& scene, const std::set<SdfPath>& prims)

@@ -2,6 +2,7 @@
 #ifndef HDOOCPT_SCENE_SETTINGS_READER_H
 #define HDOOCPT_SCENE_SETTINGS_READER_H
 
+#include "pxr/base/gf/range2d.h"
 #include "pxr/base/tf/token.h"
 #include "pxr/base/vt/value.h"
 #include "pxr/imaging/hd/sceneIndex.h"
@@ -29,6 +30,12 @@ bool HdOocPTReadsMotionDisabled(const HdSceneIndexBase& scene, const SdfPath& pa
 /// Returns true if a render settings prim is the active one and turns the lens off: disableDepthOfField, of itself or
 /// of all its products.
 bool HdOocPTReadsLensDisabled(const HdSceneIndexBase& scene, const SdfPath& path);
+
+/// The part of the picture that a render settings prim asks for if it is the active one, y up, 0 to 1 over the picture:
+/// its dataWindowNDC or, as there is one picture here, the range of those of all its products. None: all of it. A range
+/// that is not finite is ignored with a warning.
+std::optional<GfRange2d> HdOocPTReadDataWindow(
+    const HdSceneIndexBase& scene, const SdfPath& path, HdOocPTWarnings* warnings);
 
 /// The purposes and colours of the active render settings prim.
 struct HdOocPTPurposes

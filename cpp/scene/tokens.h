@@ -67,7 +67,7 @@ PXR_NAMESPACE_OPEN_SCOPE
     (disableMotionBlur)(instantaneousShutter)(motion)(renderProducts)(disableDepthOfField)                            \
     /* render settings */                                                                                             \
     (namespacedSettings)(active)(sceneGlobals)(activeRenderSettingsPrim)(includedPurposes)(materialBindingPurposes)   \
-    (renderingColorSpace)(lin_rec709)(lin_rec709_scene)                                                               \
+    (renderingColorSpace)(lin_rec709)(lin_rec709_scene)(dataWindowNDC)                                                               \
     /* purposes and render tags */                                                                                    \
     (geometry)((defaultPurpose, "default"))(render)(proxy)(guide)
 // clang-format on

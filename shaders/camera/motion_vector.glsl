@@ -70,8 +70,7 @@ vec3 motion_over_image(uint path) {
 }
 
 void store_motion(uint path, vec3 motion) {
-    const uvec2 position = pixel_position(path_pixel(path));
-    Vec3s(FRAME.aov.motion).v[position.y * FRAME.width + position.x] = motion;
+    Vec3s(FRAME.aov.motion).v[film_pixel(pixel_position(path_pixel(path)))] = motion;
 }
 
 #endif

@@ -6,7 +6,8 @@
 // `ray` numbers the rays of the path: 2 * bounce, + 1 for shadow rays.
 uint opacity_seed(uint path, uint ray) {
     if (!HAS_OPACITY && !HAS_CUTOUTS) return 0u;
-    return hash_combine(hash_combine(hash_combine(path_seed(path), path_pixel(path)), path_sample(path)), ray);
+    const uint pixel = whole_trace_order(path_pixel(path));
+    return hash_combine(hash_combine(hash_combine(path_seed(path), pixel), path_sample(path)), ray);
 }
 
 #endif

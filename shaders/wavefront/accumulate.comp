@@ -67,7 +67,7 @@ void main() {
         stream = entry >> 31;
     }
     const uvec2 position = pixel_position(index);
-    const uint pixel = position.y * FRAME.width + position.x + stream * FRAME.width * FRAME.height;
+    const uint pixel = film_pixel(position) + stream * FRAME.width * FRAME.height;
     FilmPixel film = Film(FRAME.film).v[pixel];
     const uint64_t ended = HAS_STREAMING ? STREAMING.ended_radiance : FRAME.radiance;
     for (uint path = thread; path < push.path_count; path += pixels) {
@@ -101,7 +101,7 @@ void main() {
         film.m2_compensation = mix(vec3(0.0), lost, fits);
         film.m2 = mix(vec3(LARGEST), m2, fits);
         if (HAS_ADAPTIVE && film.samples >= 1u << ESTIMATE_FIRST && (film.samples & (film.samples - 1u)) == 0u) {
-            say(stream, position.y * FRAME.width + position.x, film);
+            say(stream, film_pixel(position), film);
         }
     }
     Film(FRAME.film).v[pixel] = film;

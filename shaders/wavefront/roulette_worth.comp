@@ -26,8 +26,7 @@ const float MOST = 64.0;          // what it may add to its unit
 const float LEAST = 1.0;          // in 1 / WORTH_ONE
 
 float pixel_level(uint path) {
-    const uvec2 position = pixel_position(path_pixel(path));
-    const uint pixel = position.y * FRAME.width + position.x;
+    const uint pixel = film_pixel(pixel_position(path_pixel(path)));
     float samples = float(ConstFilm(FRAME.film).v[pixel].samples);
     float sum = average(ConstFilm(FRAME.film).v[pixel].sum.rgb);
     const uint place = path_place(path);

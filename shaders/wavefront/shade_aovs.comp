@@ -59,8 +59,7 @@ void main() {
     const uint path = ConstUints(hit ? FRAME.surface_queue : FRAME.escaped_queue).v[at];
     AovClear a = FRAME.aov_clear;
     if (hit) a = aovs_of(path, load_surface(path));
-    const uvec2 position = pixel_position(path_pixel(path));
-    store(position.y * FRAME.width + position.x, a);
+    store(film_pixel(pixel_position(path_pixel(path))), a);
     // For hits, record_surfaces has written it.
     const bool is_there = HAS_STREAMING && HAS_MOTION_VECTORS && hit;
     if (FRAME.aov.motion != 0ul && !is_there) store_motion(path, a.motion);

@@ -106,8 +106,8 @@ uint path_sample(uint path) {
                        Segments(STREAMING.segments).v[segment].first_pixel, i);
 }
 
-// Trace order to image position: strips of 8 rows, cut into tiles of 8 columns, row by row inside. A bijection for any
-// size.
+// Trace order in the window to the position in the picture: strips of 8 rows, cut into tiles of 8 columns, row by row
+// inside. A bijection for any size.
 uvec2 pixel_position(uint index) {
     const uint width = FRAME.width;
     const uint strip = index / (8u * width);
@@ -116,7 +116,25 @@ uvec2 pixel_position(uint index) {
     const uint tile = in_strip / (8u * rows);
     const uint columns = min(8u, width - 8u * tile);
     const uint in_tile = in_strip - tile * 8u * rows;
-    return uvec2(8u * tile + in_tile % columns, 8u * strip + in_tile / columns);
+    return uvec2(FRAME.window_x + 8u * tile + in_tile % columns, FRAME.window_y + 8u * strip + in_tile / columns);
+}
+
+// The pixel of film and planes, which are those of the window, at a position in the picture.
+uint film_pixel(uvec2 position) {
+    return (position.y - FRAME.window_y) * FRAME.width + (position.x - FRAME.window_x);
+}
+
+// The place of a pixel of the window in the trace order of the whole picture: what is seeded with it does not depend on
+// the window. The inverse of pixel_position for a window that is the whole.
+uint whole_trace_order(uint index) {
+    const uvec2 whole = uvec2(FRAME.picture_width, FRAME.picture_height);
+    if (whole == uvec2(FRAME.width, FRAME.height)) return index;
+    const uvec2 position = pixel_position(index);
+    const uvec2 tile = position / 8u;
+    const uvec2 in_tile = position - 8u * tile;
+    const uint rows = min(8u, whole.y - 8u * tile.y);
+    const uint columns = min(8u, whole.x - 8u * tile.x);
+    return 8u * tile.y * whole.x + 8u * tile.x * rows + in_tile.y * columns + in_tile.x;
 }
 
 // Address of a ray; both kinds start with the members of Ray.
@@ -214,7 +232,7 @@ float max_component(vec3 v) {
 // Counts values that are not finite, and notes the least pixel, whatever the order in which they come.
 void note_nonfinite(uvec2 pixel) {
     atomicAdd(COUNTERS.nonfinite, 1u);
-    atomicMax(COUNTERS.nonfinite_pixel, ~(pixel.y * FRAME.width + pixel.x));
+    atomicMax(COUNTERS.nonfinite_pixel, ~(pixel.y * FRAME.picture_width + pixel.x));
 }
 
 // The value that may be added to the radiance of a path: zero, and counted with its pixel, if not finite; bounded if it

@@ -65,8 +65,8 @@ bitflags! {
 }
 
 shared! {
-    /// Outputs of `shade_aovs`: device addresses of tightly packed planes, pixel `y * width + x`, row 0 at the bottom.
-    /// 0 = not wanted.
+    /// Outputs of `shade_aovs`: device addresses of tightly packed planes, pixel `y * width + x` of the window, row 0
+    /// at the bottom. 0 = not wanted.
     #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
     pub struct AovTargets {
         /// f32, clip z/w mapped from [-1, 1] to [0, 1].
@@ -164,9 +164,9 @@ shared! {
         pub streaming: u64,
         /// One [`crate::WavefrontCounters`].
         pub counters: u64,
-        /// [`crate::FilmPixel`] per pixel `y * width + x`. Zero before the first wave. 16-byte aligned.
+        /// [`crate::FilmPixel`] per pixel `y * width + x` of the window. Zero before the first wave. 16-byte aligned.
         pub film: u64,
-        /// Output of `resolve`: f32x4 per pixel `y * width + x`, row 0 at the bottom. 16-byte aligned.
+        /// Output of `resolve`: f32x4 per pixel `y * width + x` of the window, row 0 at the bottom. 16-byte aligned.
         pub color: u64,
         /// Outputs of `shade_aovs`.
         pub aov: AovTargets,
@@ -207,10 +207,19 @@ shared! {
         pub default_albedo: [f32; 3],
         /// Upper bound on the largest component of an indirect contribution; 0 = off.
         pub clamp: f32,
-        /// Image width in pixels.
+        /// Width in pixels of what is rendered: of film and planes. It is a window of the picture, often all of it.
         pub width: u32,
-        /// Image height in pixels.
+        /// Height in pixels of what is rendered.
         pub height: u32,
+        /// Lower left pixel of that window in the picture. Image points and pixels that seed samples are those of the
+        /// picture, so that a pixel gets the same in every window.
+        pub window_x: u32,
+        /// Row of that pixel.
+        pub window_y: u32,
+        /// Width of the picture in pixels.
+        pub picture_width: u32,
+        /// Height of the picture in pixels.
+        pub picture_height: u32,
         /// Seed of the render.
         pub seed: u32,
         /// Indirect bounces; 0 = direct light only.

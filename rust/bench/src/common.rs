@@ -108,7 +108,7 @@ fn said<T: Default>(key: &str, named: impl Fn(&str) -> Option<T>) -> T {
 
 /// A request for the colour alone.
 pub(crate) fn color_request(width: u32, height: u32, camera: Camera) -> RenderRequest {
-    RenderRequest { width, height, camera, aovs: only_color() }
+    RenderRequest { width, height, camera, aovs: only_color(), window: None }
 }
 
 /// Bytes of memory that this process holds now (Linux; 0 elsewhere).

@@ -201,7 +201,7 @@ fn build(
 fn request(arguments: &Arguments, scene: GeneratedScene, images: bool) -> RenderRequest {
     let Arguments { width, height, scale, .. } = *arguments;
     let aovs = if images { all_images() } else { only_color() };
-    RenderRequest { width, height, camera: scene.camera(scale, width, height), aovs }
+    RenderRequest { width, height, camera: scene.camera(scale, width, height), aovs, window: None }
 }
 
 fn row(scene: GeneratedScene, build: &BuildSubject, own: &[f64]) -> Row {

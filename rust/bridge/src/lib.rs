@@ -397,7 +397,8 @@ mod ffi {
         clear: [f32; 4],
     }
 
-    /// A request to render. Windows are x0, y0, x1, y1 in pixels with y down, maxima exclusive.
+    /// A request to render. Windows are x0, y0, x1, y1 in pixels of the images with y down, maxima exclusive. The
+    /// projection's [-1, 1] square lands on the display window; the data window is what is rendered.
     struct RenderDesc {
         width: u32,
         height: u32,

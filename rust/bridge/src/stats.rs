@@ -20,6 +20,7 @@ pub(crate) fn named_values(stats: &RenderStats) -> Vec<NamedValue> {
         real("fractionDone", f64::from(stats.percent_done) / 100.0),
         real("totalClockTime", stats.seconds_total),
         integer("numCompletedSamples", u64::from(stats.samples_completed)),
+        integer("oocpt:samplesKept", u64::from(stats.samples_kept)),
         text("renderProgressAnnotation", &stats.annotation),
         text("rendererStage", stage(stats)),
         integer("gpuMemoryUsed", stats.gpu_bytes),

@@ -11,7 +11,7 @@ use crate::pixel_filter::PixelFilterKind;
 use crate::residency::PolicyKind;
 pub use error::SettingError;
 pub use host_mapped::HostMapped;
-pub use table::{SettingAudience, SettingScope, Settings};
+pub use table::{FilmEffect, SettingAudience, SettingScope, Settings};
 use table::{SettingField, TABLE, unknown};
 pub use traversal::TraversalKind;
 
@@ -134,6 +134,20 @@ impl Settings {
     #[must_use]
     pub fn scope(key: &str) -> Option<SettingScope> {
         TABLE.iter().find(|row| row.key == key).map(|row| row.scope)
+    }
+
+    /// What another value of the setting `key` does to the samples that are there; `None` for an unknown key.
+    #[must_use]
+    pub fn film_effect(key: &str) -> Option<FilmEffect> {
+        TABLE.iter().find(|row| row.key == key).map(|row| row.film)
+    }
+
+    /// Returns true if samples taken with `other` are samples of a picture with these settings, as far as there are no
+    /// more than it is to have.
+    #[must_use]
+    pub fn goes_on_from(&self, other: &Self) -> bool {
+        let is_same = |row: &table::Row| self.get(row.key) == other.get(row.key);
+        TABLE.iter().filter(|row| row.film == FilmEffect::BeginsAgain).all(is_same)
     }
 
     /// The environment variable that sets `key`, e.g. `OOCPT_SAMPLES_PER_PIXEL`; `None` for an unknown key.

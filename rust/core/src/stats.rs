@@ -17,6 +17,9 @@ pub struct RenderStats {
     pub seconds_total: f64,
     /// Samples per pixel finished.
     pub samples_completed: u32,
+    /// Of these, samples that were there when the render began: it went on with a picture of fewer.
+    #[serde(default)]
+    pub samples_kept: u32,
     /// Samples per pixel wanted.
     pub samples_target: u32,
     /// Device memory in use, bytes.

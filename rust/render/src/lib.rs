@@ -43,6 +43,7 @@ pub use job::forced_features::ForcedFeatures;
 pub use job::light_files::{LightFiles, LightPicture, NoFiles};
 pub use job::request::{MAX_PIXELS, MAX_SIDE, Message, RenderRequest, Severity};
 pub use job::timings::{LeftMoment, PassTime, RenderTimings};
+pub use job::window::PixelWindow;
 pub use report::{chunk_report, error_report, material_report};
 pub use session::Session;
 pub use session::early::EarlyEnd;

@@ -31,8 +31,8 @@ impl TraversalScene<'_> {
         sample_1d(sample, TIME_SET, pixel_seed(x, y, seed))
     }
 
-    /// Pixel of a path, as `pixel_position` of wavefront/wavefront.glsl.
-    fn pixel_position(&self, index: u32) -> [u32; 2] {
+    /// Pixel of a path in the picture, as `pixel_position` of wavefront/wavefront.glsl.
+    pub(crate) fn pixel_position(&self, index: u32) -> [u32; 2] {
         let (width, height) = (self.frame.width.max(1), self.frame.height);
         let strip_size = width.wrapping_mul(8).max(1);
         let strip = index / strip_size;
@@ -41,7 +41,8 @@ impl TraversalScene<'_> {
         let tile = in_strip / (8 * rows);
         let columns = width.wrapping_sub(8 * tile).clamp(1, 8);
         let in_tile = in_strip % (8 * rows);
-        [8 * tile + in_tile % columns, 8 * strip + in_tile / columns]
+        let [x, y] = [8 * tile + in_tile % columns, 8 * strip + in_tile / columns];
+        [self.frame.window_x.wrapping_add(x), self.frame.window_y.wrapping_add(y)]
     }
 
     /// Number of a target, as `TARGET_NUMBER` of the shaders.

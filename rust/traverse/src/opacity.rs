@@ -19,7 +19,20 @@ impl TraversalScene<'_> {
             return 0;
         }
         let (seed, pixel, sample) = self.sample_of(path);
-        combine(combine(combine(seed, pixel), sample), ray)
+        combine(combine(combine(seed, self.whole_trace_order(pixel)), sample), ray)
+    }
+
+    /// Place of a pixel of the window in the trace order of the whole picture, as `whole_trace_order` of the shaders.
+    fn whole_trace_order(&self, pixel: u32) -> u32 {
+        let (width, height) = (self.frame.picture_width, self.frame.picture_height);
+        if (width, height) == (self.frame.width, self.frame.height) {
+            return pixel;
+        }
+        let [x, y] = self.pixel_position(pixel);
+        let rows = height.wrapping_sub(y - y % 8).min(8);
+        let columns = width.wrapping_sub(x - x % 8).min(8);
+        let strip = (y - y % 8).wrapping_mul(width);
+        strip.wrapping_add((x - x % 8) * rows).wrapping_add((y % 8) * columns).wrapping_add(x % 8)
     }
 
     /// Seed, pixel and sample of a path (`path_seed`, `path_pixel`, `path_sample` of wavefront/wavefront.glsl).

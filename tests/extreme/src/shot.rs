@@ -186,5 +186,5 @@ fn request(camera: &Camera, way: &Way) -> RenderRequest {
         want(AovKind::ElementId, [-1.0, 0.0, 0.0, 0.0]);
         want(AovKind::Normal, [0.0; 4]);
     }
-    RenderRequest { width: x0.abs_diff(x1), height: y0.abs_diff(y1), camera: camera.clone(), aovs }
+    RenderRequest { width: x0.abs_diff(x1), height: y0.abs_diff(y1), camera: camera.clone(), aovs, window: None }
 }

@@ -41,6 +41,15 @@ impl SettingScope {
     }
 }
 
+/// What becomes of the samples of a picture when a setting changes while nothing else does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FilmEffect {
+    /// They are samples of the new picture too, which goes on with them.
+    GoesOn,
+    /// The picture begins again.
+    BeginsAgain,
+}
+
 /// The names of a setting.
 pub(super) struct Row {
     /// Hydra's key. Several keys may share a field.
@@ -55,6 +64,8 @@ pub(super) struct Row {
     pub(super) audience: SettingAudience,
     /// Hosts that may set it.
     pub(super) scope: SettingScope,
+    /// What another value does to the samples that are there.
+    pub(super) film: FilmEffect,
 }
 
 /// The place of a value, with its check.
@@ -89,12 +100,12 @@ pub(super) fn unknown(name: &str) -> SettingError {
 }
 
 /// Declares the settings. A row is the only declaration of a setting: its check, its field, type, default and the parts
-/// that its help leaves out (a second key of a field has none), its audience, who may set it, Hydra's key, the
-/// environment variable, a label for users, one line of help.
+/// that its help leaves out (a second key of a field has none), its audience, who may set it, what becomes of the
+/// picture's samples when it changes, Hydra's key, the environment variable, a label for users, one line of help.
 macro_rules! settings {
     ($(
         $kind:ident($field:ident $(, $bound:expr)*)$(: $type:ty = $default:expr $(, $more:literal)?)?;
-        $audience:ident $scope:ident $key:literal $variable:literal $name:literal
+        $audience:ident $scope:ident $film:ident $key:literal $variable:literal $name:literal
         $help:literal;
     )+) => {
         /// All settings. Values stay inside their bounds if they are changed through [`Settings::set`] only.
@@ -131,120 +142,121 @@ macro_rules! settings {
             help: $help,
             audience: SettingAudience::$audience,
             scope: SettingScope::$scope,
+            film: FilmEffect::$film,
         },)+];
     };
 }
 
 settings! {
     Int(samples_per_pixel, 1, MAX_SAMPLES): u32 = 64;
-        User Scene "oocpt:samplesPerPixel" "OOCPT_SAMPLES_PER_PIXEL" "Samples per pixel"
+        User Scene GoesOn "oocpt:samplesPerPixel" "OOCPT_SAMPLES_PER_PIXEL" "Samples per pixel"
         "Samples per pixel to converge at";
     Int(max_bounces, 0, MAX_BOUNCES): u32 = 5;
-        User Scene "oocpt:maxBounces" "OOCPT_MAX_BOUNCES" "Max bounces"
+        User Scene BeginsAgain "oocpt:maxBounces" "OOCPT_MAX_BOUNCES" "Max bounces"
         "Indirect bounces; 0 = direct light only";
     Int(seed, 0, u32::MAX): u32 = 0;
-        User Scene "oocpt:seed" "OOCPT_SEED" "Seed"
+        User Scene BeginsAgain "oocpt:seed" "OOCPT_SEED" "Seed"
         "Seed of all random numbers";
     Float(clamp, 0.0, 1e30): f32 = 0.0;
-        User Scene "oocpt:clamp" "OOCPT_CLAMP" "Clamp"
+        User Scene BeginsAgain "oocpt:clamp" "OOCPT_CLAMP" "Clamp"
         "Largest indirect contribution of a sample; 0 = no limit";
     Float(time_limit_secs, 0.0, 1e9): f32 = 0.0;
-        User Scene "oocpt:timeLimit" "OOCPT_TIME_LIMIT" "Time limit"
+        User Scene GoesOn "oocpt:timeLimit" "OOCPT_TIME_LIMIT" "Time limit"
         "Stop after this many seconds; 0 = no limit";
     Int(memory_budget_mib, 0, 1 << 24): u32 = 0;
-        User Machine "oocpt:memoryBudget" "OOCPT_MEMORY_BUDGET" "Memory budget"
+        User Machine BeginsAgain "oocpt:memoryBudget" "OOCPT_MEMORY_BUDGET" "Memory budget"
         "Hard limit of device memory in MiB; 0 = automatic";
     Text(device): String = String::new();
-        User Machine "oocpt:device" "OOCPT_DEVICE" "Device"
+        User Machine BeginsAgain "oocpt:device" "OOCPT_DEVICE" "Device"
         "Device by index or part of its name; empty = best";
     Traversal(traversal): TraversalKind = TraversalKind::Auto;
-        Developer Machine "oocpt:traversal" "OOCPT_TRAVERSAL" "Traversal"
+        Developer Machine BeginsAgain "oocpt:traversal" "OOCPT_TRAVERSAL" "Traversal"
         "Who walks the rays: auto, compute (the device) or native (the host, where the device is a processor)";
     HostMapped(host_mapped): HostMapped = HostMapped::Auto;
-        Developer Machine "oocpt:hostMappedGeometry" "OOCPT_HOST_MAPPED_GEOMETRY" "Host-mapped geometry"
+        Developer Machine BeginsAgain "oocpt:hostMappedGeometry" "OOCPT_HOST_MAPPED_GEOMETRY" "Host-mapped geometry"
         "Whether rays read geometry in host memory where the device has no room: auto, on or off";
     Policy(policy): PolicyKind = PolicyKind::Benefit;
-        Developer Machine "oocpt:policy" "OOCPT_POLICY" "Policy"
+        Developer Machine BeginsAgain "oocpt:policy" "OOCPT_POLICY" "Policy"
         "Which chunks to load first: sweep, priority or benefit";
     Int(chunk_size_kib, 16, 1 << 20): u32 = 8192, "Another size is another partition of the scene.";
-        User Machine "oocpt:chunkSize" "OOCPT_CHUNK_SIZE" "Chunk size"
+        User Machine BeginsAgain "oocpt:chunkSize" "OOCPT_CHUNK_SIZE" "Chunk size"
         "Device memory of a chunk of the scene in KiB";
     Int(geometry_budget_kib, 0, u32::MAX): u32 = 0;
-        User Machine "oocpt:geometryBudget" "OOCPT_GEOMETRY_BUDGET" "Geometry budget"
+        User Machine BeginsAgain "oocpt:geometryBudget" "OOCPT_GEOMETRY_BUDGET" "Geometry budget"
         "Hard limit of device memory for geometry and textures in KiB; 0 = what the memory budget leaves";
     Int(host_memory_budget_mib, 0, 1 << 24): u32 = 0,
         "Arrays that the host lends, tables of instances and images come first, then shares for built meshes, \
          encoded instances and ended paths (`host_memory.rs` of the renderer).";
-        User Machine "oocpt:hostMemoryBudget" "OOCPT_HOST_MEMORY_BUDGET" "Host memory budget"
+        User Machine BeginsAgain "oocpt:hostMemoryBudget" "OOCPT_HOST_MEMORY_BUDGET" "Host memory budget"
         "Most MiB of host memory for all that the renderer counts; 0 = shares of what is free";
     Float(dicing_rate, 0.0, 1e6): f32 = 2.0;
-        User Scene "oocpt:dicingRate" "OOCPT_DICING_RATE" "Dicing rate"
+        User Scene BeginsAgain "oocpt:dicingRate" "OOCPT_DICING_RATE" "Dicing rate"
         "Longest edge of subdivision surfaces in pixels; 0 = as the complexity says";
     Text(chunk_report): String = String::new();
-        Developer Machine "oocpt:chunkReport" "OOCPT_CHUNK_REPORT" "Chunk report"
+        Developer Machine BeginsAgain "oocpt:chunkReport" "OOCPT_CHUNK_REPORT" "Chunk report"
         "File for a report about the chunks; empty = none";
     Text(material_report): String = String::new();
-        Developer Machine "oocpt:materialReport" "OOCPT_MATERIAL_REPORT" "Material report"
+        Developer Machine GoesOn "oocpt:materialReport" "OOCPT_MATERIAL_REPORT" "Material report"
         "File for the networks, inputs and programs of all materials; empty = none";
     Text(report): String = String::new();
-        User Machine "oocpt:report" "OOCPT_REPORT" "Report"
+        User Machine GoesOn "oocpt:report" "OOCPT_REPORT" "Report"
         "File for a report of error against time, a JSON object a line; empty = none";
     Text(reference): String = String::new();
-        Developer Machine "oocpt:reference" "OOCPT_REFERENCE" "Reference"
+        Developer Machine GoesOn "oocpt:reference" "OOCPT_REFERENCE" "Reference"
         "EXR picture for the report to compare with; empty = none";
     Float(target_error, 0.0, 1e9): f32 = 0.0;
-        User Scene "oocpt:targetError" "OOCPT_TARGET_ERROR" "Target error"
+        User Scene GoesOn "oocpt:targetError" "OOCPT_TARGET_ERROR" "Target error"
         "Stop when the relative mean squared error is below this, by the upper end of its interval; 0 = no limit";
     Bool(straggler_roulette): bool = false, "See `residency::roulette`.";
-        User Scene "oocpt:stragglerRoulette" "OOCPT_STRAGGLER_ROULETTE" "Straggler roulette"
+        User Scene BeginsAgain "oocpt:stragglerRoulette" "OOCPT_STRAGGLER_ROULETTE" "Straggler roulette"
         "Russian roulette on rays that wait for expensive loads: unbiased, but other bits at each budget and run";
     Bool(adaptive_sampling): bool = false;
-        User Scene "oocpt:adaptiveSampling" "OOCPT_ADAPTIVE_SAMPLING" "Adaptive sampling"
+        User Scene BeginsAgain "oocpt:adaptiveSampling" "OOCPT_ADAPTIVE_SAMPLING" "Adaptive sampling"
         "Spend samples where the error is largest; as many in all, and no bias";
     Text(texture_cache): String = String::new();
-        User Machine "oocpt:textureCache" "OOCPT_TEXTURE_CACHE" "Texture cache"
+        User Machine BeginsAgain "oocpt:textureCache" "OOCPT_TEXTURE_CACHE" "Texture cache"
         "Folder in which decoded textures are kept; 0 = none; empty = oocpt/textures in the user's cache folder";
     Int(texture_cache_mib, 1, u32::MAX): u32 = 32 << 10;
-        User Machine "oocpt:textureCacheSize" "OOCPT_TEXTURE_CACHE_SIZE" "Texture cache size"
+        User Machine BeginsAgain "oocpt:textureCacheSize" "OOCPT_TEXTURE_CACHE_SIZE" "Texture cache size"
         "Most MiB of decoded textures on disk; those not used for longest are removed";
     Text(geometry_cache): String = String::new();
-        User Machine "oocpt:geometryCache" "OOCPT_GEOMETRY_CACHE" "Geometry cache"
+        User Machine BeginsAgain "oocpt:geometryCache" "OOCPT_GEOMETRY_CACHE" "Geometry cache"
         "Folder in which built geometry is kept for the next render; 0 = none, everything stays in memory; empty = \
          none, what exceeds the host memory budget goes to oocpt/geometry in the user's cache folder while it is \
          needed";
     Int(geometry_cache_mib, 1, u32::MAX): u32 = 32 << 10;
-        User Machine "oocpt:geometryCacheSize" "OOCPT_GEOMETRY_CACHE_SIZE" "Geometry cache size"
+        User Machine BeginsAgain "oocpt:geometryCacheSize" "OOCPT_GEOMETRY_CACHE_SIZE" "Geometry cache size"
         "Most MiB of the geometry cache; files not used for longest are removed";
     Text(pipeline_cache): String = String::new();
-        User Machine "oocpt:pipelineCache" "OOCPT_PIPELINE_CACHE" "Pipeline cache"
+        User Machine BeginsAgain "oocpt:pipelineCache" "OOCPT_PIPELINE_CACHE" "Pipeline cache"
         "Folder in which the driver's compiled passes are kept; 0 = none; empty = oocpt/pipelines in the user's \
          cache folder";
     Int(max_diffuse_bounces, 0, MAX_BOUNCES): u32 = MAX_BOUNCES;
-        User Scene "oocpt:maxDiffuseBounces" "OOCPT_MAX_DIFFUSE_BOUNCES" "Max diffuse bounces"
+        User Scene BeginsAgain "oocpt:maxDiffuseBounces" "OOCPT_MAX_DIFFUSE_BOUNCES" "Max diffuse bounces"
         "Most bounces of a path off diffuse lobes, of those that oocpt:maxBounces allows";
     Int(max_specular_bounces, 0, MAX_BOUNCES): u32 = MAX_BOUNCES;
-        User Scene "oocpt:maxSpecularBounces" "OOCPT_MAX_SPECULAR_BOUNCES" "Max specular bounces"
+        User Scene BeginsAgain "oocpt:maxSpecularBounces" "OOCPT_MAX_SPECULAR_BOUNCES" "Max specular bounces"
         "Most bounces of a path off specular lobes, of those that oocpt:maxBounces allows";
     Int(max_transmission_bounces, 0, MAX_BOUNCES): u32 = MAX_BOUNCES;
-        User Scene "oocpt:maxTransmissionBounces" "OOCPT_MAX_TRANSMISSION_BOUNCES" "Max transmission bounces"
+        User Scene BeginsAgain "oocpt:maxTransmissionBounces" "OOCPT_MAX_TRANSMISSION_BOUNCES" "Max transmission bounces"
         "Most bounces of a path through surfaces, of those that oocpt:maxBounces allows";
     PixelFilter(pixel_filter): PixelFilterKind = PixelFilterKind::Box;
-        User Scene "oocpt:pixelFilter" "OOCPT_PIXEL_FILTER" "Pixel filter"
+        User Scene BeginsAgain "oocpt:pixelFilter" "OOCPT_PIXEL_FILTER" "Pixel filter"
         "Filter of the pixels: box, triangle, gaussian, blackman-harris or mitchell";
     Float(pixel_filter_width, 0.0, 64.0): f32 = 0.0;
-        User Scene "oocpt:pixelFilterWidth" "OOCPT_PIXEL_FILTER_WIDTH" "Pixel filter width"
+        User Scene BeginsAgain "oocpt:pixelFilterWidth" "OOCPT_PIXEL_FILTER_WIDTH" "Pixel filter width"
         "Full width of the filter in pixels; 0 = 1, 2, 3, 3 or 4, as usual for it";
     Int(samples_per_pixel, 1, MAX_SAMPLES);
-        User Host "convergedSamplesPerPixel" "OOCPT_CONVERGED_SAMPLES_PER_PIXEL" "Converged samples"
+        User Host GoesOn "convergedSamplesPerPixel" "OOCPT_CONVERGED_SAMPLES_PER_PIXEL" "Converged samples"
         "As oocpt:samplesPerPixel";
     Bool(interactive): bool = true;
-        User Host "enableInteractive" "OOCPT_ENABLE_INTERACTIVE" "Interactive"
+        User Host BeginsAgain "enableInteractive" "OOCPT_ENABLE_INTERACTIVE" "Interactive"
         "Show images while rendering; off = only the last one";
     Bool(dome_light_camera_visible): bool = true;
-        User Host "domeLightCameraVisibility" "OOCPT_DOME_LIGHT_CAMERA_VISIBILITY" "Dome light camera visibility"
+        User Host BeginsAgain "domeLightCameraVisibility" "OOCPT_DOME_LIGHT_CAMERA_VISIBILITY" "Dome light camera visibility"
         "Camera rays see the dome light";
     Bool(enable_scene_lights): bool = true;
-        User Host "enableSceneLights" "OOCPT_ENABLE_SCENE_LIGHTS" "Scene lights"
+        User Host BeginsAgain "enableSceneLights" "OOCPT_ENABLE_SCENE_LIGHTS" "Scene lights"
         "Use the lights of the scene";
 }
 

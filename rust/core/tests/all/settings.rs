@@ -3,7 +3,7 @@
 
 use oocpt_core::pixel_filter::PixelFilterKind;
 use oocpt_core::residency::PolicyKind;
-use oocpt_core::settings::TraversalKind;
+use oocpt_core::settings::{FilmEffect, TraversalKind};
 use oocpt_core::{SettingAudience, SettingError, SettingValue, Settings};
 
 #[test]
@@ -245,4 +245,36 @@ fn settings_survive_serialisation_and_missing_fields() {
     let text = serde_json::to_string(&settings).unwrap();
     assert_eq!(serde_json::from_str::<Settings>(&text).unwrap(), settings);
     assert_eq!(serde_json::from_str::<Settings>("{}").unwrap(), Settings::default());
+}
+
+/// Another value of a setting.
+fn other_value(value: &SettingValue, key: &str) -> SettingValue {
+    match (value, key) {
+        (_, "oocpt:traversal") => SettingValue::Text("native".into()),
+        (_, "oocpt:policy") => SettingValue::Text("sweep".into()),
+        (_, "oocpt:hostMappedGeometry") => SettingValue::Text("off".into()),
+        (SettingValue::Bool(value), _) => SettingValue::Bool(!value),
+        (SettingValue::Int(value), _) => SettingValue::Int(value + 1),
+        (SettingValue::Float(value), _) => SettingValue::Float(value + 1.0),
+        (SettingValue::Text(_), _) => SettingValue::Text("other".into()),
+    }
+}
+
+#[test]
+fn a_film_goes_on_as_the_rows_say() {
+    let mut goes_on = Vec::new();
+    for setting in Settings::descriptors() {
+        let mut settings = Settings::default();
+        let changed = settings.set(setting.key, other_value(&setting.default, setting.key));
+        assert_eq!(changed, Ok(true), "{}", setting.key);
+        let is_kept = settings.goes_on_from(&Settings::default());
+        assert_eq!(is_kept, Settings::film_effect(setting.key) == Some(FilmEffect::GoesOn), "{}", setting.key);
+        if is_kept {
+            goes_on.push(setting.key);
+        }
+    }
+    let of_samples = ["oocpt:samplesPerPixel", "oocpt:timeLimit", "oocpt:materialReport", "oocpt:report"];
+    let others = ["oocpt:reference", "oocpt:targetError", "convergedSamplesPerPixel"];
+    assert_eq!(goes_on, [&of_samples[..], &others[..]].concat(), "what the samples depend on begins again");
+    assert!(Settings::default().goes_on_from(&Settings::default()), "the same settings");
 }

@@ -163,7 +163,9 @@ pub(super) fn run<F: PathSource>(
             break;
         }
     }
-    if outcome == StageOutcome::GivenUp && gate.is_superseded() && source.cancel()? {
+    let goes_on = gate.leads_on_from(source.tracer().context.job);
+    if outcome == StageOutcome::GivenUp && gate.is_superseded() && !goes_on && source.cancel()? {
+        progress.film_is_lost();
         return in_flight.iter().try_for_each(|late| finish(&late.work.submission, progress)).map(|()| outcome);
     }
     while !in_flight.is_empty() {

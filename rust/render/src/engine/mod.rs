@@ -225,7 +225,7 @@ pub(crate) fn render<F: PathSource>(
     }
     if has_color {
         source.begin(PathKind::Samples, progress)?;
-        if !source.goes_on() {
+        if !progress.has_left_off() {
             progress.trace_started();
         }
         let outcome = run(source, gate, progress)?;

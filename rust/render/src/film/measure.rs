@@ -7,6 +7,7 @@
 //! only.
 
 use crate::film::Film;
+use crate::job::window::{PictureLayout, PixelWindow};
 use oocpt_abi::ErrorSums;
 use oocpt_core::convergence;
 use oocpt_core::stats::WorstPixel;
@@ -29,9 +30,10 @@ pub(crate) struct MeasuredError {
     pub(crate) rays: u64,
 }
 
-/// Reads a slot, once its commands are done; `None` if the film has no colour.
-pub(crate) fn read(film: &Film, slot: u32, [width, height]: [u32; 2]) -> Result<Option<MeasuredError>, GpuError> {
+/// Reads a slot, once its commands are done; `None` if the film has no colour. Of `layout` only the window counts.
+pub(crate) fn read(film: &Film, slot: u32, layout: &PictureLayout) -> Result<Option<MeasuredError>, GpuError> {
     let Some((parts, counters)) = film.error(slot)? else { return Ok(None) };
+    let PixelWindow { x, y, width, height } = layout.window;
     let sum = |of: fn(&ErrorSums) -> f32| parts.iter().map(|part| f64::from(of(part))).sum();
     let sums = convergence::ErrorSums {
         pixels: f64::from(width) * f64::from(height),
@@ -45,8 +47,8 @@ pub(crate) fn read(film: &Film, slot: u32, [width, height]: [u32; 2]) -> Result<
     let mut worst: Vec<&ErrorSums> = parts.iter().filter(|part| part.worst > 0.0).collect();
     worst.sort_by(|a, b| b.worst.total_cmp(&a.worst).then(a.worst_pixel.cmp(&b.worst_pixel)));
     let place = |part: &&ErrorSums| WorstPixel {
-        x: part.worst_pixel % width.max(1),
-        y: height.saturating_sub(1).saturating_sub(part.worst_pixel / width.max(1)),
+        x: x + part.worst_pixel % width.max(1),
+        y: layout.size[1].saturating_sub(1).saturating_sub(y + part.worst_pixel / width.max(1)),
         error: f64::from(part.worst),
     };
     Ok(Some(MeasuredError {

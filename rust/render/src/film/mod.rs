@@ -14,6 +14,7 @@ use crate::job::RenderJob;
 use crate::job::aov::{AovKind, AovRequest};
 use crate::job::publish::{PictureExtent, PublishedImages};
 use crate::job::request::RenderRequest;
+use crate::job::window::PictureLayout;
 use crate::sync::lock;
 use crate::wave::{ERROR_SLOTS, Wave, WavePiece, pieces};
 use oocpt_abi::{ERROR_GROUPS, ErrorSums, FilmPixel, FrameConstants, PushConstants, WORKGROUP_SIZE, WavefrontCounters};
@@ -85,7 +86,7 @@ impl Film {
         Ok(Self { pixels, kinds, film, errors, color, shows_color, adaptive, planes, readback })
     }
 
-    /// Whether these images serve `request` too.
+    /// Whether these images serve `request` too, wherever its window is.
     pub(crate) fn fits(&self, request: &RenderRequest, adaptive: bool) -> bool {
         let same = self.pixels == request.pixels() && self.kinds == wanted(request);
         same && self.adaptive.is_some() == (adaptive && self.has_color())
@@ -93,13 +94,12 @@ impl Film {
 
     /// Decides the first samples of a render of `job`, if it is adaptive.
     pub(crate) fn begin(&mut self, job: &RenderJob) -> Result<(), RenderError> {
-        let RenderRequest { width, height, .. } = job.request;
         let samples = job.settings.samples_per_pixel;
         #[cfg(feature = "faults")]
         if let Some(adaptive) = &mut self.adaptive {
             adaptive.is_naive = job.options.faults.naive_sampling;
         }
-        self.adaptive.as_mut().map_or(Ok(()), |adaptive| adaptive.begin([width, height], samples))
+        self.adaptive.as_mut().map_or(Ok(()), |adaptive| adaptive.begin(job.request.part().size(), samples))
     }
 
     /// What decides where samples go, if they do not go everywhere alike.
@@ -242,18 +242,18 @@ impl Film {
         })
     }
 
-    /// Publishes what [`Film::copy_out`] copied, once its commands are done, as images of `generation`, unless these
-    /// would be no whole picture ([`PublishedImages::begin`]); returns the counters.
+    /// Publishes what [`Film::copy_out`] copied, once its commands are done, as images of `generation` with this
+    /// layout, unless these would be no whole picture ([`PublishedImages::begin`]); returns the counters.
     pub(crate) fn publish(
         &self,
         published: &Mutex<PublishedImages>,
-        generation: u64,
+        (generation, layout): (u64, &PictureLayout),
         extent: PictureExtent,
     ) -> Result<WavefrontCounters, GpuError> {
         let mut counters = WavefrontCounters::default();
         self.readback.map(|bytes| {
             let mut published = lock(published);
-            let is_shown = published.begin(generation, &self.kinds, self.pixels, extent);
+            let is_shown = published.begin(generation, &self.kinds, layout, extent);
             let mut rest: &[u8] = bytes;
             for kind in &self.kinds {
                 // Fits: the readback buffer is mapped whole.

@@ -181,8 +181,12 @@ mod tests {
         assert_eq!(find(&read, "seed"), Some(&PictureAttribute::Number(4_294_967_295.0)), "any seed");
         assert_eq!(find(&read, "device"), Some(&PictureAttribute::Text("adevice".into())), "no control characters");
         assert_eq!(find(&read, "errorFlip"), None, "no reference, no truth");
-        let reference = crate::film::reference::ReferencePicture::read(&path, [2, 3])
-            .expect("three channels of it are a reference");
+        let reference = crate::film::reference::ReferencePicture::read(
+            &path,
+            [2, 3],
+            crate::job::window::PixelWindow::whole([2, 3]),
+        )
+        .expect("three channels of it are a reference");
         drop(reference);
         let image = exr::prelude::read_first_rgba_layer_from_file(
             &path,

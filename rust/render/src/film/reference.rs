@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-//! A reference picture from an EXR file, and the error of another picture against it.
+//! A reference picture from an EXR file, and the error of another picture against it. Where only a window is rendered,
+//! only that is compared.
 //!
 //! Errors are in linear light and double precision; FLIP (Andersson et al. 2020) is that of the two pictures as sRGB in
 //! 8 bits, at 67 pixels per degree. The file comes from the user: its size is checked before its pixels are read.
 
 use crate::job::aov::AovKind;
 use crate::job::publish::PublishedImages;
+use crate::job::window::PixelWindow;
 use exr::prelude::{ReadChannels as _, ReadLayers as _, Vec2, read};
 use oocpt_core::stats::TrueError;
 use std::io::BufReader;
@@ -17,10 +19,13 @@ const EPSILON: f64 = 1e-2;
 /// A reference picture: bottom row first, as images of a render are.
 #[derive(Debug)]
 pub(crate) struct ReferencePicture {
-    width: u32,
-    height: u32,
+    /// Columns of the whole picture.
+    columns: u32,
+    /// What is compared.
+    window: PixelWindow,
+    /// The pixels of the window.
     pixels: Vec<[f32; 3]>,
-    /// The picture as sRGB in 8 bits, top row first.
+    /// These as sRGB in 8 bits, top row first.
     display: Vec<u8>,
 }
 
@@ -39,8 +44,8 @@ pub(crate) enum ReferenceError {
 }
 
 impl ReferencePicture {
-    /// Reads the first layer's R, G and B.
-    pub(crate) fn read(path: &Path, [width, height]: [u32; 2]) -> Result<Self, ReferenceError> {
+    /// Reads the first layer's R, G and B, of a picture of that size of which a window is rendered.
+    pub(crate) fn read(path: &Path, [width, height]: [u32; 2], window: PixelWindow) -> Result<Self, ReferenceError> {
         let said = |error: exr::error::Error| ReferenceError::Read(format!("{}: {error}", path.display()));
         let open = || Ok(BufReader::new(oocpt_files::open(path)?));
         let meta = open().and_then(|file| exr::meta::MetaData::read_from_buffered(file, false)).map_err(said)?;
@@ -68,21 +73,22 @@ impl ReferencePicture {
         if top_first.len() != size.area() {
             return Err(ReferenceError::Read(format!("{}: another layer than its first is read", path.display())));
         }
-        let pixels: Vec<[f32; 3]> = top_first.chunks_exact(columns.max(1)).rev().flatten().copied().collect();
+        let bottom_first: Vec<[f32; 3]> = top_first.chunks_exact(columns.max(1)).rev().flatten().copied().collect();
+        let pixels: Vec<[f32; 3]> = window.rows(width, 1).flat_map(|row| &bottom_first[row]).copied().collect();
         if pixels.iter().flatten().any(|v| !v.is_finite()) {
             return Err(ReferenceError::NotFinite);
         }
-        Ok(Self { width, height, display: display(width, &pixels), pixels })
+        Ok(Self { columns: width, window, display: display(window.width, &pixels), pixels })
     }
 
     /// Compares with the published colour; `None` if there is none of this size.
     pub(crate) fn compare(&self, published: &PublishedImages) -> Option<TrueError> {
-        let mut bytes = vec![0_u8; self.pixels.len() * AovKind::Color.pixel_bytes()];
-        if published.copy(AovKind::Color, 0, &mut bytes) == 0 {
-            return None;
+        let image = published.image(AovKind::Color)?;
+        let mut pixels: Vec<[f32; 3]> = Vec::with_capacity(self.pixels.len());
+        for row in self.window.rows(self.columns, AovKind::Color.pixel_bytes()) {
+            let rgba: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(image.get(row)?);
+            pixels.extend(rgba.iter().map(|[r, g, b, _]| [*r, *g, *b]));
         }
-        let rgba: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&bytes);
-        let pixels: Vec<[f32; 3]> = rgba.iter().map(|[r, g, b, _]| [*r, *g, *b]).collect();
         let (mut relative, mut square) = (0.0, 0.0);
         for (x, r) in pixels.iter().flatten().zip(self.pixels.iter().flatten()) {
             let (x, r) = (f64::from(*x), f64::from(*r));
@@ -92,9 +98,10 @@ impl ReferencePicture {
         }
         #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53")]
         let count = (3 * self.pixels.len()).max(1) as f64;
+        let [width, height] = self.window.size();
         let flip = nv_flip::flip(
-            nv_flip::FlipImageRgb8::with_data(self.width, self.height, &self.display),
-            nv_flip::FlipImageRgb8::with_data(self.width, self.height, &display(self.width, &pixels)),
+            nv_flip::FlipImageRgb8::with_data(width, height, &self.display),
+            nv_flip::FlipImageRgb8::with_data(width, height, &display(width, &pixels)),
             nv_flip::DEFAULT_PIXELS_PER_DEGREE,
         );
         let flip = f64::from(nv_flip::FlipPool::from_image(&flip).mean());

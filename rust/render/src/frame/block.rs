@@ -25,6 +25,7 @@ pub(crate) fn frame_block(context: &FrameContext<'_>, scene: &SceneView) -> Fram
     let mut flags = FrameFlags::empty();
     flags.set(FrameFlags::DOME_CAMERA_VISIBLE, lights.background_visible());
     let exposure = job.request.camera.exposure();
+    let part = job.request.part();
     let mut block = FrameConstants {
         top_nodes: scene.top_nodes,
         chunk_instances: scene.chunk_instances,
@@ -51,8 +52,12 @@ pub(crate) fn frame_block(context: &FrameContext<'_>, scene: &SceneView) -> Fram
         view_normal: rays.view_normal,
         default_albedo: DEFAULT_ALBEDO,
         clamp: job.settings.clamp,
-        width: job.request.width,
-        height: job.request.height,
+        width: part.width,
+        height: part.height,
+        window_x: part.x,
+        window_y: part.y,
+        picture_width: job.request.width,
+        picture_height: job.request.height,
         seed: job.settings.seed,
         max_bounces: job.settings.max_bounces,
         kind_limits: kind_limits(&job.settings),

@@ -8,6 +8,7 @@ pub(crate) mod context;
 pub(crate) mod in_core;
 pub(crate) mod in_flight;
 pub(crate) mod inventory;
+pub(crate) mod kept_samples;
 pub(crate) mod progress;
 pub(crate) mod schedule;
 pub(crate) mod specialise;

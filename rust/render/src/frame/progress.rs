@@ -8,13 +8,16 @@ use crate::film::Film;
 use crate::film::adaptive::AdaptiveBuffers;
 use crate::film::measure::{self, MeasuredError};
 use crate::frame::context::is_cpu;
+use crate::frame::kept_samples::KeptSamples;
 use crate::host_memory;
 use crate::job::RenderJob;
+use crate::job::aov::AovKind;
 use crate::job::patience::LoadWait;
 use crate::job::publish::PictureExtent;
 use crate::job::request::Severity;
 use crate::job::shared::SharedState;
 use crate::job::timings::RenderTimings;
+use crate::job::window::PictureLayout;
 use crate::report::closing_words;
 use crate::report::error_log::{ErrorLog, RowMoment};
 use crate::report::progress_bar::{BarState, ProgressBar};
@@ -49,7 +52,7 @@ pub(crate) struct FrameProgress<'a> {
     is_whole: bool,
     bar: Option<ProgressBar>,
     log: ErrorLog,
-    size: [u32; 2],
+    layout: PictureLayout,
     /// Whether images are published before the last one.
     interactive: bool,
     /// Whether a batch render says how it ended.
@@ -58,8 +61,15 @@ pub(crate) struct FrameProgress<'a> {
     is_finished: bool,
     /// Adaptive: paths that are decided.
     decided: Option<u64>,
-    /// What was counted before another path source went on.
-    before: Option<WavefrontCounters>,
+    /// Paths that the film had before the render, and whether their error is known.
+    kept: Option<u64>,
+    knows_kept: bool,
+    /// What was counted before another path source went on; of what the film had, samples that are not finite.
+    before: WavefrontCounters,
+    /// Another path source goes on.
+    has_left_off: bool,
+    /// The film has parts of waves that were cancelled.
+    is_film_lost: bool,
     /// `WavefrontCounters::nonfinite_pixel`.
     nonfinite_pixel: u32,
     pub(crate) timings: RenderTimings,
@@ -100,10 +110,14 @@ impl<'a> FrameProgress<'a> {
             says_how_it_ended: job.options.closing_words && !job.settings.interactive,
             is_finished: false,
             decided: None,
-            before: None,
+            kept: None,
+            knows_kept: false,
+            before: WavefrontCounters::default(),
+            has_left_off: false,
+            is_film_lost: false,
             nonfinite_pixel: 0,
             log: ErrorLog::start(shared, job),
-            size: [job.request.width, job.request.height],
+            layout: job.request.layout(),
             bar: job.options.progress_bar.then(ProgressBar::new),
             timings: RenderTimings::default(),
         }
@@ -118,9 +132,54 @@ impl<'a> FrameProgress<'a> {
     pub(crate) fn begin_again(&mut self) {
         self.done = 0;
         self.decided = None;
-        self.before = None;
+        self.kept = None;
+        self.before = WavefrontCounters::default();
+        (self.has_left_off, self.is_film_lost) = (false, false);
         *lock(&self.shared.reached) = (self.generation, 0);
         self.log.begin_again();
+    }
+
+    /// Goes on with samples that the film has.
+    pub(crate) fn go_on(&mut self, kept: KeptSamples) {
+        self.done = kept.paths;
+        (self.kept, self.knows_kept) = (Some(kept.paths), kept.is_told);
+        (self.before.nonfinite, self.nonfinite_pixel) = kept.nonfinite;
+        let samples = self.samples_done();
+        *lock(&self.shared.reached) = (self.generation, samples);
+        let mut stats = lock(&self.shared.stats);
+        (stats.samples_completed, stats.samples_kept) = (samples, samples);
+        stats.nonfinite_samples = u64::from(kept.nonfinite.0);
+        stats.error = self.log.go_on(kept.history);
+        tracing::info!(samples, "going on with the samples that are there");
+    }
+
+    /// What the film of `job` has, if a later render can go on with it: a sample of each pixel at least, and the same
+    /// number of all pixels but for those of one more.
+    pub(crate) fn samples(&self, job: &RenderJob, film: &Film) -> Option<KeptSamples> {
+        let is_plain = film.has_color() && film.adaptive().is_none() && !job.settings.straggler_roulette;
+        let nonfinite = u32::try_from(lock(&self.shared.stats).nonfinite_samples).unwrap_or(u32::MAX);
+        (is_plain && self.done >= self.pixels && !self.is_film_lost).then(|| KeptSamples {
+            job: job.clone(),
+            paths: self.done,
+            nonfinite: (nonfinite, self.nonfinite_pixel),
+            history: self.log.history(),
+            is_told: self.is_finished || self.is_told(),
+        })
+    }
+
+    /// Paths that the film had before the render, if it goes on with them.
+    pub(crate) fn kept(&self) -> Option<u64> {
+        self.kept
+    }
+
+    /// Whether nothing was added to what the film had, whose error is known.
+    fn is_told(&self) -> bool {
+        self.knows_kept && self.kept == Some(self.done)
+    }
+
+    /// Paths that this render is to trace.
+    pub(crate) fn paths_to_trace(&self) -> u64 {
+        self.total_paths().saturating_sub(self.kept.unwrap_or(0))
     }
 
     /// Paths that are done, or handed to the film.
@@ -188,7 +247,19 @@ impl<'a> FrameProgress<'a> {
 
     /// Another path source goes on; so much was counted until now.
     pub(crate) fn left_off(&mut self, counters: &WavefrontCounters) {
-        self.before = Some(*counters);
+        let kept = std::mem::take(&mut self.before.nonfinite);
+        self.before = WavefrontCounters { nonfinite: counters.nonfinite.saturating_add(kept), ..*counters };
+        self.has_left_off = true;
+    }
+
+    /// Work under way was cancelled, and the film has parts of it.
+    pub(crate) fn film_is_lost(&mut self) {
+        self.is_film_lost = true;
+    }
+
+    /// Whether another path source goes on.
+    pub(crate) fn has_left_off(&self) -> bool {
+        self.has_left_off
     }
 
     /// The last wave is done.
@@ -227,7 +298,7 @@ impl<'a> FrameProgress<'a> {
         }
         // Adaptive samples are not in the order of the pixels.
         let samples = if self.decided.is_some() { 0 } else { extent.samples };
-        let part = PictureExtent { samples, ..extent }.whole_strips(self.size[0]);
+        let part = PictureExtent { samples, ..extent }.whole_strips(self.layout.window.width);
         lock(&self.shared.published).shows(self.generation).then_some(part)
     }
 
@@ -247,7 +318,7 @@ impl<'a> FrameProgress<'a> {
     )]
     pub(crate) fn wave_done(&mut self, wave: Wave) {
         self.done += u64::from(wave.count);
-        self.timings.paths = self.done;
+        self.timings.paths = self.done - self.kept.unwrap_or(0);
         self.timings.waves += 1;
         let mut stats = lock(&self.shared.stats);
         stats.percent_done = (100.0 * self.done as f64 / self.total_paths().max(1) as f64) as f32;
@@ -290,10 +361,10 @@ impl<'a> FrameProgress<'a> {
         let began = Instant::now();
         let extent = self.shown_extent(extent).unwrap_or(extent);
         let WavefrontCounters { closest_rays, shadow_rays, nonfinite, nonfinite_pixel, stack_overflows, .. } =
-            film.publish(&self.shared.published, self.generation, extent)?;
+            film.publish(&self.shared.published, (self.generation, &self.layout), extent)?;
         self.next_publish = self.next_publish.max(Instant::now() + PUBLISHING_SHARE * began.elapsed());
         self.nonfinite_pixel = self.nonfinite_pixel.max(nonfinite_pixel);
-        let before = self.before.unwrap_or_default();
+        let before = self.before;
         let (closest_rays, shadow_rays) = (closest_rays + before.closest_rays, shadow_rays + before.shadow_rays);
         let nonfinite = nonfinite.saturating_add(before.nonfinite);
         self.timings.closest_rays = closest_rays;
@@ -341,7 +412,7 @@ impl<'a> FrameProgress<'a> {
     /// Whether the samples done are no octave, whose error is known.
     pub(crate) fn ends_between_octaves(&self) -> bool {
         let boundary = || next_boundary(self.done - 1, self.pixels).1;
-        self.done >= self.pixels && self.done != self.decided.unwrap_or_else(boundary)
+        self.done >= self.pixels && self.done != self.decided.unwrap_or_else(boundary) && !self.is_told()
     }
 
     /// Takes what the film measured of these octaves, once their submission is done.
@@ -364,7 +435,7 @@ impl<'a> FrameProgress<'a> {
     }
 
     fn error_row(&mut self, film: &Film, slot: u32, octave: Option<u32>) -> Result<(), RenderError> {
-        let Some(measured) = measure::read(film, slot, self.size)? else { return Ok(()) };
+        let Some(measured) = measure::read(film, slot, &self.layout)? else { return Ok(()) };
         let streaming = lock(&self.shared.stats).streaming.clone();
         // Streaming knows when the device had something to do.
         let counts = !(streaming.in_core || streaming.is_split);
@@ -388,6 +459,24 @@ impl<'a> FrameProgress<'a> {
             self.trace_started += began.elapsed();
         }
         Ok(())
+    }
+
+    /// Ends the render of a window that has no pixels: images have their clear values everywhere.
+    pub(crate) fn show_nothing(&mut self, job: &RenderJob) -> Result<(), RenderError> {
+        let [width, height] = self.layout.size;
+        self.shared.report(
+            Severity::Warning,
+            format!("the window that is to be rendered has no pixel in the picture of {width} x {height}"),
+        );
+        let mut kinds: Vec<AovKind> = job.request.aovs.iter().map(|aov| aov.kind).collect();
+        kinds.sort_unstable();
+        kinds.dedup();
+        let mut published = lock(&self.shared.published);
+        if published.begin(self.generation, &kinds, &self.layout, PictureExtent::WHOLE) {
+            kinds.iter().for_each(|kind| published.put(*kind, &[], PictureExtent::WHOLE));
+        }
+        drop(published);
+        self.finish()
     }
 
     /// Whether the render has ended as planned.
@@ -417,7 +506,7 @@ impl<'a> FrameProgress<'a> {
                 self.shared.nonfinite_told.store(false, Ordering::Relaxed);
             }
         } else if !self.shared.nonfinite_told.swap(true, Ordering::Relaxed) {
-            self.shared.report(Severity::Warning, nonfinite_text(count, self.nonfinite_pixel, self.size[0]));
+            self.shared.report(Severity::Warning, nonfinite_text(count, self.nonfinite_pixel, self.layout.size[0]));
         }
     }
 

@@ -42,7 +42,7 @@ impl RenderAsk {
         self.is_same(&job.request, &job.settings, &job.files)
     }
 
-    fn job(self, scene: CommittedScene, generation: u64) -> Arc<RenderJob> {
+    fn job(self, scene: CommittedScene, generation: u64, goes_on: bool) -> Arc<RenderJob> {
         let Self { request, settings, options, images, files } = self;
         let CommittedScene { snapshot, primvars, meshes_made, fixed_host_bytes } = scene;
         Arc::new(RenderJob {
@@ -55,6 +55,7 @@ impl RenderAsk {
             primvars,
             meshes_made,
             fixed_host_bytes,
+            goes_on,
             generation,
         })
     }
@@ -225,7 +226,7 @@ impl RenderControl {
             let scene = CommittedScene::of(job);
             self.stopped = false;
             // The scene lives on in the new job: what is dropped here is small.
-            drop(self.post(ask.clone(), scene));
+            drop(self.post(ask.clone(), scene, true));
         }
         self.commits.newest = Some(ask);
         Some(!is_known)
@@ -244,16 +245,17 @@ impl RenderControl {
         // What came during the commit counts, where pictures on the way are wanted.
         let ask = commits.newest.clone().filter(|newest| newest.settings.interactive).unwrap_or(ask);
         let scene = result.or_else(|| self.job.as_deref().map(CommittedScene::of));
+        let restarts = std::mem::take(&mut commits.restarts);
         let is_new = |scene: &CommittedScene| {
             let is_shown = |job: &Arc<RenderJob>| job.snapshot.version == scene.snapshot.version && ask.is_of(job);
-            std::mem::take(&mut commits.restarts) || !self.job.as_ref().is_some_and(is_shown)
+            restarts || !self.job.as_ref().is_some_and(is_shown)
         };
         let scene = scene.filter(is_new);
         if scene.is_some() && commits.ends_stop {
             self.stopped = false;
         }
         commits.ends_stop &= commits.is_due;
-        self.post(ask, scene?)
+        self.post(ask, scene?, !restarts)
     }
 
     /// Renders the newest job again, from its first sample; if its commit is pending, then after that.
@@ -272,14 +274,17 @@ impl RenderControl {
             self.stopped = false;
             self.generation += 1;
             let generation = self.generation;
-            self.job = self.job.take().map(|job| Arc::new(RenderJob { options, generation, ..(*job).clone() }));
+            self.job = self
+                .job
+                .take()
+                .map(|job| Arc::new(RenderJob { options, generation, goes_on: false, ..(*job).clone() }));
         }
     }
 
     /// Posts a job; returns the one before.
-    fn post(&mut self, ask: RenderAsk, scene: CommittedScene) -> Option<Arc<RenderJob>> {
+    fn post(&mut self, ask: RenderAsk, scene: CommittedScene, goes_on: bool) -> Option<Arc<RenderJob>> {
         self.generation += 1;
-        self.job.replace(ask.job(scene, self.generation))
+        self.job.replace(ask.job(scene, self.generation, goes_on))
     }
 }
 
@@ -308,7 +313,7 @@ mod tests {
 
     fn ask(width: u32, files: &Arc<dyn LightFiles>) -> RenderAsk {
         RenderAsk {
-            request: RenderRequest { width, height: 1, camera: camera(), aovs: Vec::new() },
+            request: RenderRequest { width, height: 1, camera: camera(), aovs: Vec::new(), window: None },
             settings: Settings { interactive: true, ..Settings::default() },
             options: SessionOptions::default(),
             images: None,

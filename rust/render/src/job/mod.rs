@@ -13,6 +13,7 @@ pub(crate) mod publish;
 pub(crate) mod request;
 pub(crate) mod shared;
 pub(crate) mod timings;
+pub(crate) mod window;
 
 use crate::job::forced_features::ForcedFeatures;
 use crate::job::light_files::LightFiles;
@@ -38,8 +39,27 @@ pub(crate) struct RenderJob {
     pub(crate) meshes_made: u64,
     /// Bytes of host memory that can be put nowhere else; 0 where there is no budget of it.
     pub(crate) fixed_host_bytes: u64,
+    /// It may go on with the samples of a picture that differs in their number alone, or in what ends it.
+    pub(crate) goes_on: bool,
     /// The generation of `RenderControl` when the job was posted.
     pub(crate) generation: u64,
+}
+
+impl RenderJob {
+    /// Whether samples of `have` are samples of this job too, and may be used.
+    pub(crate) fn has_samples_of(&self, have: &Self) -> bool {
+        let same_images = match (&have.images, &self.images) {
+            (Some(have), Some(images)) => Arc::ptr_eq(have, images),
+            (have, images) => have.is_none() && images.is_none(),
+        };
+        self.goes_on
+            && have.snapshot.version == self.snapshot.version
+            && have.request == self.request
+            && have.options == self.options
+            && Arc::ptr_eq(&have.files, &self.files)
+            && same_images
+            && self.settings.goes_on_from(&have.settings)
+    }
 }
 
 /// Options of how a session runs, apart from the scene and the request.

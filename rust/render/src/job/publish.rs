@@ -2,9 +2,11 @@
 //! The images the host can read, put there by the render thread: always whole pictures, of one generation.
 //!
 //! A picture that is not whole yet is shown over one of its own generation that is: the first picture of a change, at a
-//! part of the resolution. Until there is one, the host keeps the picture of the generation before.
+//! part of the resolution. Until there is one, the host keeps the picture of the generation before. Where only a window
+//! of a picture is rendered, the rest of it has clear values.
 
 use crate::job::aov::AovKind;
+use crate::job::window::PictureLayout;
 
 /// Rows of the strips in which pixels are traced, one strip after the other (`pixel_position` of the shaders).
 const STRIP_ROWS: u64 = 8;
@@ -43,6 +45,7 @@ impl PictureExtent {
 #[derive(Debug, Default)]
 pub(crate) struct PublishedImages {
     images: Vec<PublishedImage>,
+    layout: PictureLayout,
     /// Of the job that they are of.
     generation: u64,
     /// Of the image that came last; they are counted from 1.
@@ -53,21 +56,34 @@ pub(crate) struct PublishedImages {
 struct PublishedImage {
     kind: AovKind,
     version: u64,
+    /// What is not rendered has its clear value.
+    is_cleared: bool,
     bytes: Vec<u8>,
 }
 
 impl PublishedImages {
-    /// Begins to replace the images by those of `generation`, of which `extent` is there: `kinds`, each of `pixels`.
-    /// False, and nothing changes, if that would show no whole picture, or an older one.
-    pub(crate) fn begin(&mut self, generation: u64, kinds: &[AovKind], pixels: u64, extent: PictureExtent) -> bool {
-        let is_newer = generation > self.generation && extent.covers(pixels);
+    /// Begins to replace the images by those of `generation`, of which `extent` is there: `kinds`, each with this
+    /// layout. False, and nothing changes, if that would show no whole picture, or an older one.
+    pub(crate) fn begin(
+        &mut self,
+        generation: u64,
+        kinds: &[AovKind],
+        layout: &PictureLayout,
+        extent: PictureExtent,
+    ) -> bool {
+        let is_whole = extent.covers(layout.window.pixels());
+        let is_newer = generation > self.generation && is_whole;
         if generation != self.generation && !is_newer {
             return false;
         }
-        self.retain(kinds, pixels);
+        self.retain(kinds, layout.pixels());
         let has_all = kinds.iter().all(|kind| self.images.iter().any(|have| have.kind == *kind));
-        if !has_all && !extent.covers(pixels) {
+        if !has_all && !is_whole {
             return false;
+        }
+        if self.layout != *layout {
+            self.images.iter_mut().for_each(|image| image.is_cleared = false);
+            self.layout = layout.clone();
         }
         self.generation = generation;
         true
@@ -83,25 +99,41 @@ impl PublishedImages {
         self.generation == generation && !self.images.is_empty()
     }
 
-    /// Replaces what `extent` says of the image of `kind`, in the memory that it had: fresh pages would take longer
-    /// than the copy.
+    /// Replaces what `extent` says of the window in the image of `kind`, in the memory that it had: fresh pages would
+    /// take longer than the copy.
     pub(crate) fn put(&mut self, kind: AovKind, pixels: &[u8], extent: PictureExtent) {
         let bytes = usize::try_from(extent.of(kind)).unwrap_or(usize::MAX).saturating_mul(kind.pixel_bytes());
-        let bytes = bytes.min(pixels.len());
-        self.change(kind, pixels.len(), |image| image[..bytes].copy_from_slice(&pixels[..bytes]));
+        let pixels = &pixels[..bytes.min(pixels.len())];
+        self.change(kind, |image, layout| {
+            if layout.is_whole() {
+                return image[..pixels.len()].copy_from_slice(pixels);
+            }
+            let mut rest = pixels;
+            for row in layout.rows(kind) {
+                let (from, after) = rest.split_at(row.len().min(rest.len()));
+                image[row][..from.len()].copy_from_slice(from);
+                rest = after;
+            }
+        });
     }
 
-    /// Changes the image of `kind` of so many bytes.
-    pub(crate) fn change(&mut self, kind: AovKind, bytes: usize, change: impl FnOnce(&mut [u8])) {
+    /// Changes the window in the image of `kind`.
+    pub(crate) fn change(&mut self, kind: AovKind, change: impl FnOnce(&mut [u8], &PictureLayout)) {
         self.version += 1;
         let at = self.images.iter().position(|have| have.kind == kind).unwrap_or_else(|| {
-            self.images.push(PublishedImage { kind, version: 0, bytes: Vec::new() });
+            self.images.push(PublishedImage { kind, version: 0, is_cleared: false, bytes: Vec::new() });
             self.images.len() - 1
         });
         if let Some(image) = self.images.get_mut(at) {
             image.version = self.version;
-            image.bytes.resize(bytes, 0);
-            change(&mut image.bytes);
+            // Fits: the image was allocated on the device, in its parts at least.
+            let pixels = usize::try_from(self.layout.pixels()).unwrap_or(usize::MAX);
+            image.bytes.resize(pixels.saturating_mul(kind.pixel_bytes()), 0);
+            if !image.is_cleared && !self.layout.is_whole() {
+                self.layout.clear(kind, &mut image.bytes);
+            }
+            image.is_cleared = true;
+            change(&mut image.bytes, &self.layout);
         }
     }
 
@@ -133,11 +165,19 @@ impl PublishedImages {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::job::aov::AovRequest;
+    use crate::job::window::PixelWindow;
+
+    fn layout(size: [u32; 2], window: Option<PixelWindow>) -> PictureLayout {
+        let aovs = [AovKind::Depth, AovKind::SampleCount].map(|kind| AovRequest { kind, clear: [8.0; 4] });
+        PictureLayout::new(size, window.unwrap_or(PixelWindow::whole(size)), &aovs)
+    }
 
     /// Images of so many pixels, each byte `value`.
     fn put(published: &mut PublishedImages, generation: u64, pixels: usize, value: u8, extent: PictureExtent) -> bool {
         let kinds = [AovKind::Depth, AovKind::SampleCount];
-        let shown = published.begin(generation, &kinds, pixels as u64, extent);
+        let layout = layout([u32::try_from(pixels).unwrap(), 1], None);
+        let shown = published.begin(generation, &kinds, &layout, extent);
         if shown {
             kinds.iter().for_each(|kind| published.put(*kind, &vec![value; 4 * pixels], extent));
         }
@@ -168,6 +208,26 @@ mod tests {
         put(&mut published, 1, 2, 3, PictureExtent::WHOLE);
         assert_ne!(published.copy(AovKind::Depth, known, &mut out), known, "another one");
         assert_eq!(out, [3; 8], "is copied");
+    }
+
+    #[test]
+    fn a_window_is_put_into_the_picture_and_leaves_no_trace_where_it_was() {
+        let mut published = PublishedImages::default();
+        let kinds = [AovKind::Depth];
+        let (size, extent) = ([4, 3], PictureExtent::WHOLE);
+        let mut show = |generation: u64, window: PixelWindow, values: &[f32], extent: PictureExtent| {
+            assert!(published.begin(generation, &kinds, &layout(size, Some(window)), extent));
+            published.put(AovKind::Depth, bytemuck::cast_slice(values), extent);
+            bytemuck::pod_collect_to_vec::<u8, f32>(published.image(AovKind::Depth).expect("put"))
+        };
+        let first = PixelWindow { x: 1, y: 1, width: 2, height: 2 };
+        let c = 8.0;
+        assert_eq!(show(1, first, &[1.0, 2.0, 3.0, 4.0], extent), [c, c, c, c, c, 1.0, 2.0, c, c, 3.0, 4.0, c]);
+        let part = PictureExtent { planes: 2, samples: 2 };
+        assert_eq!(show(1, first, &[5.0, 6.0, 7.0, 8.0], part)[5..11], [5.0, 6.0, c, c, 3.0, 4.0], "a part of it");
+        let moved = PixelWindow { x: 3, y: 0, width: 1, height: 1 };
+        assert_eq!(show(2, moved, &[9.0], extent), [c, c, c, 9.0, c, c, c, c, c, c, c, c], "moved");
+        assert_eq!(show(3, PixelWindow::default(), &[], extent), [c; 12], "nothing is rendered");
     }
 
     #[test]

@@ -3,6 +3,7 @@
 
 use crate::error::RenderError;
 use crate::job::aov::AovRequest;
+use crate::job::window::{PictureLayout, PixelWindow};
 use oocpt_core::camera::Camera;
 
 /// Longest side of an image, pixels.
@@ -21,6 +22,9 @@ pub struct RenderRequest {
     pub camera: Camera,
     /// The images wanted; may be empty (nothing is rendered then).
     pub aovs: Vec<AovRequest>,
+    /// The part of the picture that is rendered, and nothing else; none: all of it. Its pixels are those of the whole
+    /// picture, bit for bit, unless samples are adaptive. Outside of it images have their clear values.
+    pub window: Option<PixelWindow>,
 }
 
 impl RenderRequest {
@@ -34,9 +38,25 @@ impl RenderRequest {
         Ok(())
     }
 
-    /// Pixels of the image.
+    /// What is rendered: the window as far as it is in the picture.
+    pub fn part(&self) -> PixelWindow {
+        let size = [self.width, self.height];
+        self.window.map_or(PixelWindow::whole(size), |window| window.within(size))
+    }
+
+    /// Pixels that are rendered.
     pub fn pixels(&self) -> u64 {
+        self.part().pixels()
+    }
+
+    /// Pixels of each image.
+    pub fn image_pixels(&self) -> u64 {
         u64::from(self.width) * u64::from(self.height)
+    }
+
+    /// Where the pixels go in the images.
+    pub(crate) fn layout(&self) -> PictureLayout {
+        PictureLayout::new([self.width, self.height], self.part(), &self.aovs)
     }
 }
 

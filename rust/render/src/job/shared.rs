@@ -114,6 +114,11 @@ impl<'a> FrameGate<'a> {
         is_newer && !self.outlasts()
     }
 
+    /// Whether the newer job may go on with the samples of `job`, which is the one of this gate.
+    pub(crate) fn leads_on_from(&self, job: &RenderJob) -> bool {
+        self.shared.control().job.as_ref().is_some_and(|newer| newer.has_samples_of(job))
+    }
+
     fn outlasts(&self) -> bool {
         self.until.is_some_and(|until| Instant::now() < until) && !lock(&self.shared.published).shows(self.generation)
     }

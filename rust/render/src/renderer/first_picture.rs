@@ -13,6 +13,7 @@ use crate::job::aov::AovKind;
 use crate::job::publish::{PictureExtent, PublishedImages};
 use crate::job::request::RenderRequest;
 use crate::job::shared::SharedState;
+use crate::job::window::{PictureLayout, PixelWindow};
 use crate::sync::lock;
 use oocpt_core::camera::Camera;
 use oocpt_core::settings::Settings;
@@ -79,7 +80,7 @@ fn approximate(count: u64) -> f64 {
 #[derive(Debug)]
 pub(crate) struct FirstPicture {
     factor: u32,
-    size: [u32; 2],
+    layout: PictureLayout,
     pub(crate) job: RenderJob,
     pub(crate) film: Film,
 }
@@ -103,7 +104,7 @@ impl FirstPictures {
         if !job.settings.interactive || factor <= 1 || job.request.aovs.is_empty() {
             return None;
         }
-        let size = [job.request.width, job.request.height];
+        let layout = job.request.layout();
         let job = coarser(job, factor);
         let film = self
             .film
@@ -111,7 +112,7 @@ impl FirstPictures {
             .filter(|film| film.fits(&job.request, false))
             .map_or_else(|| Film::new(&device.gpu, &job.request, false), Ok::<_, GpuError>);
         let film = film.inspect_err(|error| tracing::debug!(%error, "no first picture")).ok()?;
-        Some(FirstPicture { factor, size, job, film })
+        Some(FirstPicture { factor, layout, job, film })
     }
 
     /// Takes back what was made for a first picture, which took so long; shows it if it is `done`.
@@ -122,20 +123,21 @@ impl FirstPictures {
         published: &mut PublishedImages,
         is_cpu: bool,
     ) {
-        let FirstPicture { factor, size, job, film } = picture;
+        let FirstPicture { factor, layout, job, film } = picture;
         self.film = Some(film);
         lock(&self.apart.messages).clear();
         let Some(secs) = done else { return };
         self.pace.learn_at_least(job.request.pixels(), secs, if is_cpu { TARGET_SECS_CPU } else { TARGET_SECS });
-        fill_up(&lock(&self.apart.published), published, (&job, size), factor);
+        fill_up(&lock(&self.apart.published), published, (&job, &layout), factor);
     }
 }
 
-/// The job of a first picture: one sample, of a part of the resolution.
+/// The job of a first picture: one sample, of a part of the resolution, and nothing but the window.
 fn coarser(job: &RenderJob, factor: u32) -> RenderJob {
     let request = &job.request;
-    let [width, height] = [request.width, request.height].map(|side| side.div_ceil(factor));
-    let camera = coarser_camera(&request.camera, factor, [width, height]);
+    let part = request.part();
+    let [width, height] = part.size().map(|side| side.div_ceil(factor));
+    let camera = coarser_camera(&request.camera, (part, factor), [width, height]);
     let settings = Settings {
         samples_per_pixel: 1,
         adaptive_sampling: false,
@@ -149,17 +151,19 @@ fn coarser(job: &RenderJob, factor: u32) -> RenderJob {
     let mut options = job.options;
     (options.progress_bar, options.closing_words) = (false, false);
     RenderJob {
-        request: RenderRequest { width, height, camera, aovs: request.aovs.clone() },
+        request: RenderRequest { width, height, camera, aovs: request.aovs.clone(), window: None },
         settings,
         options,
         ..job.clone()
     }
 }
 
-/// The same view in pixels `factor` times as wide, from the lower left corner on: the last ones may lie half outside.
+/// The same view in pixels `factor` times as wide, from the lower left corner of `part` on: the last ones may lie half
+/// outside.
 #[expect(clippy::cast_precision_loss, clippy::cast_possible_wrap, reason = "sides are at most 2^16 pixels")]
-fn coarser_camera(camera: &Camera, factor: u32, [width, height]: [u32; 2]) -> Camera {
+fn coarser_camera(camera: &Camera, (part, factor): (PixelWindow, u32), [width, height]: [u32; 2]) -> Camera {
     let [left, _, _, bottom] = camera.data_window;
+    let (left, bottom) = (left.saturating_add_unsigned(part.x), bottom.saturating_sub_unsigned(part.y));
     let [x0, y0, x1, y1] = camera.display_window;
     let x = |x: f32| (x - left as f32) / factor as f32;
     let y = |y: f32| height as f32 - (bottom as f32 - y) / factor as f32;
@@ -171,26 +175,33 @@ fn coarser_camera(camera: &Camera, factor: u32, [width, height]: [u32; 2]) -> Ca
 }
 
 /// Shows images whose pixels are `factor` times as wide.
-fn fill_up(from: &PublishedImages, into: &mut PublishedImages, (job, size): (&RenderJob, [u32; 2]), factor: u32) {
+fn fill_up(
+    from: &PublishedImages,
+    into: &mut PublishedImages,
+    (job, layout): (&RenderJob, &PictureLayout),
+    factor: u32,
+) {
     let mut kinds: Vec<AovKind> = job.request.aovs.iter().map(|aov| aov.kind).collect();
     kinds.sort_unstable();
     kinds.dedup();
-    let pixels = u64::from(size[0]) * u64::from(size[1]);
     if !kinds.iter().all(|kind| from.image(*kind).is_some())
-        || !into.begin(job.generation, &kinds, pixels, PictureExtent::WHOLE)
+        || !into.begin(job.generation, &kinds, layout, PictureExtent::WHOLE)
     {
         return;
     }
-    let [width, height, factor, coarse] = [size[0], size[1], factor, job.request.width].map(|side| side as usize);
+    let [width, factor, coarse] = [layout.size[0], factor, job.request.width].map(|side| side as usize);
+    let [first, columns, below] = [layout.window.x, layout.window.width, layout.window.y].map(|side| side as usize);
     for kind in kinds {
         let (Some(image), bytes) = (from.image(kind), kind.pixel_bytes()) else { continue };
         let mut image = image.to_vec();
         if kind == AovKind::Motion {
             widen_motion(&mut image, factor);
         }
-        into.change(kind, width * height * bytes, |filled| {
-            filled.par_chunks_exact_mut(width * bytes).enumerate().for_each(|(y, row)| {
+        into.change(kind, |filled, layout| {
+            let rows = filled.par_chunks_exact_mut(width * bytes).skip(below).take(layout.window.height as usize);
+            rows.enumerate().for_each(|(y, row)| {
                 let pixels = &image[y / factor * coarse * bytes..][..coarse * bytes];
+                let row = &mut row[first * bytes..][..columns * bytes];
                 for (block, pixel) in row.chunks_mut(factor * bytes).zip(pixels.chunks_exact(bytes)) {
                     block.chunks_exact_mut(bytes).for_each(|to| to.copy_from_slice(pixel));
                 }

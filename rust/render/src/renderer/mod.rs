@@ -16,6 +16,7 @@ use crate::film::Film;
 use crate::frame::context::{FrameContext, geometry_cap, in_flight, is_cpu, maps_host, paths, shrinking};
 use crate::frame::in_core::{ROOM_FOR_TILES, path_needs, roomy_waves, share_of_waves};
 use crate::frame::in_flight;
+use crate::frame::kept_samples::KeptSamples;
 use crate::frame::progress::FrameProgress;
 use crate::frame::view::CameraView;
 use crate::host_memory::{self, HostMemoryUser};
@@ -64,6 +65,8 @@ pub(crate) struct Renderer {
     stream: Option<StreamBuffers>,
     ahead: BackgroundCompile,
     film: Option<Film>,
+    /// Samples of `film`.
+    kept: Option<KeptSamples>,
     first_pictures: FirstPictures,
     light_files: FileCache,
     mesh_lights: MeshLightCache,
@@ -83,6 +86,9 @@ impl Renderer {
     pub(crate) fn render(&mut self, job: &RenderJob, gate: &FrameGate<'_>) -> Result<(), RenderError> {
         job.request.validate()?;
         let mut progress = FrameProgress::start(gate.shared(), job);
+        if job.request.part().is_empty() {
+            return progress.show_nothing(job);
+        }
         match self.render_once(job, gate, &mut progress, 0) {
             Err(error @ RenderError::Gpu(GpuError::DeviceLost { .. })) if gate.proceed() => {
                 gate.shared()
@@ -165,7 +171,11 @@ impl Renderer {
         for warning in &lights.warnings {
             gate.shared().report(Severity::Warning, warning.clone());
         }
+        let kept = self.kept.take().filter(|kept| kept.serve(job));
         self.make_images(device, job)?;
+        if let Some(kept) = kept {
+            progress.go_on(kept);
+        }
         let Some(film) = self.film.take() else {
             return Err(RenderError::Internal("the frame's images were not made".into()));
         };
@@ -187,6 +197,7 @@ impl Renderer {
             has_outgrown: self.outgrown.as_ref().is_some_and(|snapshot| Arc::ptr_eq(snapshot, &job.snapshot)),
         };
         let result = self.render_scene(&context, gate, progress);
+        self.kept = progress.samples(job, &film).filter(|_| result.is_ok());
         self.film = Some(film);
         self.light_tables = tables;
         self.lights = Some(lights);
@@ -264,7 +275,7 @@ impl Renderer {
         }
         progress.streaming(|stats| stats.in_core = in_core);
         let result = if in_core {
-            self.render_in_core(context, scene, None, gate, progress)
+            self.render_in_core(context, scene, progress.kept(), gate, progress)
         } else {
             self.render_beyond(context, scene, gate, progress)
         };
@@ -284,11 +295,11 @@ impl Renderer {
         gate: &FrameGate<'_>,
         progress: &mut FrameProgress<'_>,
     ) -> Result<(), RenderError> {
-        let mut first = None;
+        let (mut first, mut has_streamed) = (progress.kept(), false);
         if !(streaming::may_split(context, scene) && scene.is_all_there()) {
             self.waves = None;
             // The first time, memory is made as large as the whole picture needs it.
-            if self.stream.is_some() {
+            if self.stream.is_some() && first.is_none() {
                 self.show_first(context, gate, |renderer, context, gate, progress| {
                     streaming::render(context, scene, (&mut renderer.stream, &mut renderer.ahead), gate, progress)
                         .map(|_| ())
@@ -298,6 +309,7 @@ impl Renderer {
             if first.is_none() {
                 return Ok(());
             }
+            has_streamed = true;
         }
         self.stream = None;
         // The passes of scenes in core never ask whether a chunk is resident.
@@ -309,7 +321,7 @@ impl Renderer {
         let held = scene.store.bytes();
         progress.streaming(|stats| {
             (stats.is_split, stats.mapped_bytes, stats.geometry_bytes) = (true, mapped, held);
-            if first.is_none() {
+            if !has_streamed {
                 stats.hit_rate = 1.0;
             }
         });

@@ -77,9 +77,9 @@ pub struct ChunkReport {
     /// [`VERSION`]; distinguishes such a report from other files.
     #[serde(rename = "oocptChunkReport", default)]
     pub version: u32,
-    /// Image width, pixels.
+    /// Width of what was rendered, pixels.
     pub width: u32,
-    /// Image height, pixels.
+    /// Height of what was rendered, pixels.
     pub height: u32,
     /// World point that is (0, 0, 0) for everything below.
     pub origin: [f64; 3],

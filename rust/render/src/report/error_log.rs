@@ -15,7 +15,7 @@ use crate::job::shared::SharedState;
 use crate::report::error_report::{ErrorReportHeader, InventoryLine, ReportWriter, UsageLine, VERSION};
 use crate::sync::lock;
 use crate::wave::next_boundary;
-use oocpt_core::convergence::{ConvergenceEstimator, ErrorEstimate, of_halves};
+use oocpt_core::convergence::{ConvergenceEstimator, of_halves};
 use oocpt_core::inventory::RenderInventory;
 use oocpt_core::stats::{ErrorRow, RenderUsage};
 use serde::Serialize;
@@ -35,10 +35,33 @@ pub(crate) struct RowMoment {
     pub(crate) samples: u32,
 }
 
+/// What is known of the error of the samples that a film has.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct ErrorHistory {
+    convergence: ConvergenceEstimator,
+    /// Octaves, and the upper ends of their errors if these are known.
+    octaves: Vec<(u32, Option<f64>)>,
+    /// The last row.
+    last: Option<ErrorRow>,
+}
+
+impl ErrorHistory {
+    /// Whether a render with this target error would have come to have so many paths.
+    pub(crate) fn leads_to(&self, pixels: u64, paths: u64, target: f32) -> bool {
+        let stops = |(octave, high): &(u32, Option<f64>)| is_good((*octave, *high), f64::from(target));
+        self.octaves.iter().find(|octave| stops(octave)).is_none_or(|(octave, _)| pixels << octave >= paths)
+    }
+}
+
+/// Whether the error of an octave is small enough to stop.
+fn is_good((octave, high): (u32, Option<f64>), target: f64) -> bool {
+    target > 0.0 && octave >= FEWEST_TO_STOP && high.is_some_and(|high| high <= target)
+}
+
 /// Measures, reports and judges the error of one render.
 #[derive(Debug)]
 pub(crate) struct ErrorLog {
-    convergence: ConvergenceEstimator,
+    history: ErrorHistory,
     pixels: u64,
     writer: Option<ReportWriter>,
     reference: Option<ReferencePicture>,
@@ -60,14 +83,16 @@ impl ErrorLog {
         let target = f64::from(job.settings.target_error);
         let reference = match job.settings.reference.as_str() {
             "" => None,
-            file => ReferencePicture::read(Path::new(file), [job.request.width, job.request.height])
-                .inspect_err(|error| shared.report(Severity::Warning, format!("oocpt:reference: {error}")))
-                .ok(),
+            file => {
+                ReferencePicture::read(Path::new(file), [job.request.width, job.request.height], job.request.part())
+                    .inspect_err(|error| shared.report(Severity::Warning, format!("oocpt:reference: {error}")))
+                    .ok()
+            }
         };
         let open = if target > 0.0 { pixels << FEWEST_TO_STOP } else { u64::MAX };
         let has_halves = job.settings.adaptive_sampling;
         Self {
-            convergence: ConvergenceEstimator::default(),
+            history: ErrorHistory::default(),
             pixels,
             writer: None,
             reference,
@@ -81,10 +106,35 @@ impl ErrorLog {
 
     /// Forgets the samples so far, which are taken anew; the report goes on.
     pub(crate) fn begin_again(&mut self) {
-        self.convergence = ConvergenceEstimator::default();
+        self.history = ErrorHistory::default();
         self.is_good = false;
         self.open = if self.target > 0.0 { self.pixels << FEWEST_TO_STOP } else { u64::MAX };
         self.last = None;
+    }
+
+    /// Goes on with what is known of the samples that the film has: their row is the first one, at no cost of this
+    /// render. Gives that row.
+    pub(crate) fn go_on(&mut self, history: ErrorHistory) -> Option<ErrorRow> {
+        self.history = history;
+        for (octave, high) in self.history.octaves.clone() {
+            self.decide(octave, high);
+        }
+        let free = |row: &ErrorRow| ErrorRow {
+            seconds: 0.0,
+            seconds_tracing: 0.0,
+            rays: 0,
+            bytes_paged: 0,
+            truth: None,
+            is_last: false,
+            ..row.clone()
+        };
+        self.last = self.history.last.as_ref().map(free);
+        self.last.clone()
+    }
+
+    /// What is known of the samples so far.
+    pub(crate) fn history(&self) -> ErrorHistory {
+        self.history.clone()
     }
 
     /// Begins the report that the settings name, once the device that it names is open.
@@ -135,11 +185,13 @@ impl ErrorLog {
     ) {
         let estimate = match octave {
             _ if self.has_halves => of_halves(&measured.sums),
-            Some(octave) => self.convergence.octave(octave, &measured.sums),
-            None => self.convergence.between(f64::from(measured.fewest), &measured.sums),
+            Some(octave) => self.history.convergence.octave(octave, &measured.sums),
+            None => self.history.convergence.between(f64::from(measured.fewest), &measured.sums),
         };
         if let Some(octave) = octave {
-            self.decide(octave, estimate);
+            let high = estimate.map(|estimate| estimate.high);
+            self.history.octaves.push((octave, high));
+            self.decide(octave, high);
         }
         let MeasuredError { worst, rays, .. } = measured;
         let truth = self.reference.as_ref().and_then(|reference| reference.compare(&lock(&shared.published)));
@@ -148,14 +200,14 @@ impl ErrorLog {
             ErrorRow { samples, seconds, seconds_tracing, rays, estimate, worst, bytes_paged, truth, is_last: false };
         self.write(shared);
         lock(&shared.stats).error = Some(row.clone());
+        self.history.last = Some(row.clone());
         self.last = Some(row);
     }
 
-    fn decide(&mut self, octave: u32, estimate: Option<ErrorEstimate>) {
+    fn decide(&mut self, octave: u32, high: Option<f64>) {
         let (_, next) = next_boundary(self.pixels << octave, self.pixels);
-        let is_good = estimate.is_some_and(|estimate| estimate.high <= self.target);
-        self.is_good = self.target > 0.0 && octave >= FEWEST_TO_STOP && is_good;
-        if self.target > 0.0 && octave >= FEWEST_TO_STOP && !is_good && self.open < next {
+        self.is_good = is_good((octave, high), self.target);
+        if self.target > 0.0 && octave >= FEWEST_TO_STOP && !self.is_good && self.open < next {
             self.open = next;
         }
     }
@@ -213,6 +265,7 @@ fn begin(shared: &SharedState, job: &RenderJob, file: &str) -> std::io::Result<R
         device: lock(&shared.device).as_ref().map(|device| device.name.clone()).unwrap_or_default(),
         width: job.request.width,
         height: job.request.height,
+        window: job.request.window.map(|_| job.request.part().corners(job.request.height)),
         samples_target: settings.samples_per_pixel,
         max_bounces: settings.max_bounces,
         seed: settings.seed,

@@ -36,6 +36,9 @@ pub struct ErrorReportHeader {
     pub width: u32,
     /// Pixels from top to bottom.
     pub height: u32,
+    /// What was rendered of it, if not all: x0, y0, x1, y1 from the upper left, ends exclusive.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub window: Option<[u32; 4]>,
     /// Requested samples per pixel.
     pub samples_target: u32,
     /// Indirect bounces.

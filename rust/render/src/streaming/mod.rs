@@ -122,7 +122,7 @@ pub(crate) fn render(
     let (_, store, tables) = scene.parts()?;
     let mut residency =
         SceneResidency::new(ResidencyStart { device, assets: &assets, store, tables, budget, policy, filler })?;
-    leave.bring_rest(&mut residency, progress.total_paths());
+    leave.bring_rest(&mut residency, progress.paths_to_trace());
     if residency.brings_rest && !job.settings.interactive {
         let started = Instant::now();
         residency.map_all(gate)?;
@@ -133,7 +133,7 @@ pub(crate) fn render(
     let bind = |block: &mut FrameConstants| buffers.bind(block);
     let mut tracer = WavefrontTracer::new(context, &buffers.paths, (&view, parts), listed, bind, progress)?;
     tracer.traces_into(buffers.written());
-    if may_leave && leave.pays(progress.total_paths()) {
+    if may_leave && leave.pays(progress.paths_to_trace()) {
         let view = if context.carry.levels { view.deepest(stack_entries) } else { view.with_stack(stack_entries) };
         ahead.begin(device, CompiledFeatures::new(context, &view, false).compiled_for(context, &view)?, context.film);
         leave.compiles = ahead.pending();
@@ -156,10 +156,11 @@ pub(crate) fn render(
         clock: StageClock::new(Instant::now()),
         stack_entries,
         view,
-        left: PathsLeftLog::of(progress.total_paths()),
+        left: PathsLeftLog::of(progress.paths_to_trace()),
         stragglers: job.settings.straggler_roulette.then(|| stragglers(context)),
     };
-    engine::render(&mut StreamingStage::new(streamer, leave, gate.patience()), gate, progress)
+    let first = progress.kept();
+    engine::render(&mut StreamingStage::new(streamer, leave, gate.patience(), first), gate, progress)
 }
 
 fn stragglers(context: &FrameContext<'_>) -> StragglerRoulette {

@@ -40,10 +40,10 @@ impl StreamingContext<'_, '_> {
     }
 
     /// Clears the samples and paths of the previous frame or stage.
-    pub(super) fn clear(&self, kind: PathKind) -> Result<(), RenderError> {
+    pub(super) fn clear(&self, clears_film: bool) -> Result<(), RenderError> {
         let mut commands = self.tracer.commands("clear")?;
         self.buffers.clear(&mut commands);
-        if kind == PathKind::Samples {
+        if clears_film {
             self.tracer.context.film.clear(&mut commands);
         }
         commands.submit()?;

@@ -23,7 +23,13 @@ impl StreamingContext<'_, '_> {
         let (job, camera) = (self.tracer.context.job, self.tracer.context.rays);
         let (world, planner) = (&job.snapshot.world, &self.residency.planner);
         let wide = |v: [f32; 3]| v.map(f64::from);
+        let part = job.request.part();
         let o = [0, 1, 2].map(|k: usize| f64::from(camera.o[k]) + f64::from(camera.o_lo[k]));
+        // The report is of the window: rays count from its corner.
+        let from_corner = |at: [f64; 3], x: [f32; 3], y: [f32; 3]| {
+            let moved = |k: usize| at[k] + f64::from(part.x) * f64::from(x[k]) + f64::from(part.y) * f64::from(y[k]);
+            [0, 1, 2].map(moved)
+        };
         let chunk = |(id, chunk): (UnitId, &std::sync::Arc<oocpt_core::partition::Chunk>)| {
             let loads = u64::from(planner.load_count(id));
             ReportChunk {
@@ -38,14 +44,14 @@ impl StreamingContext<'_, '_> {
         let moment = |m: &LeftMoment| ReportMoment { seconds: m.seconds, paths_left: m.paths_left };
         ChunkReport {
             version: VERSION,
-            width: job.request.width,
-            height: job.request.height,
+            width: part.width,
+            height: part.height,
             origin: job.snapshot.origin.to_array(),
             camera: ReportCamera {
-                o,
+                o: from_corner(o, camera.o_x, camera.o_y),
                 o_x: wide(camera.o_x),
                 o_y: wide(camera.o_y),
-                d: wide(camera.d),
+                d: from_corner(wide(camera.d), camera.d_x, camera.d_y),
                 d_x: wide(camera.d_x),
                 d_y: wide(camera.d_y),
             },

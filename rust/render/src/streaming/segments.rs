@@ -38,6 +38,8 @@ pub(crate) struct SegmentQueue {
     draining: bool,
     /// The segments under way, oldest first.
     alive: VecDeque<LiveSegment>,
+    /// The film has the paths before it.
+    base: u64,
     next: u64,
     total: u64,
     /// Paths from here on may not begin yet.
@@ -52,7 +54,17 @@ impl SegmentQueue {
         let free: VecDeque<u32> = (0..count).collect();
         let (count, slots) = (free.len(), u64::from(slots));
         let (alive, cuts) = (VecDeque::new(), Vec::new());
-        Self { size, slots, count, free, draining: false, alive, next: 0, total, open: total, cuts }
+        Self { size, slots, count, free, draining: false, alive, base: 0, next: 0, total, open: total, cuts }
+    }
+
+    /// Lets the first segment begin at this path.
+    pub(crate) fn begin_at(self, path: u64) -> Self {
+        Self { base: path, next: path, ..self }
+    }
+
+    /// Slots that were taken so far.
+    fn taken(&self) -> u64 {
+        self.next - self.base
     }
 
     /// Gives a free segment the next paths; returns `None` if there is no free segment, no path left, or no slot:
@@ -62,7 +74,7 @@ impl SegmentQueue {
             return None;
         }
         // Slots are taken in turns, and no segment has some of one turn and some of the next.
-        let turn = self.slots - self.next % self.slots.max(1);
+        let turn = self.slots - self.taken() % self.slots.max(1);
         let cut = self.cuts.iter().find(|cut| **cut > self.next).map_or(u64::MAX, |cut| cut - self.next);
         let left = self.end().saturating_sub(self.next).min(turn).min(cut);
         let count = u32::try_from(left.min(u64::from(self.size))).unwrap_or(self.size);
@@ -70,7 +82,7 @@ impl SegmentQueue {
             return None;
         }
         let index = self.free.pop_front()?;
-        let segment = LiveSegment { index, first_slot: self.next, wave: Wave { first: self.next, count } };
+        let segment = LiveSegment { index, first_slot: self.taken(), wave: Wave { first: self.next, count } };
         self.draining = self.free.is_empty();
         self.next += u64::from(count);
         self.alive.push_back(segment);
@@ -136,7 +148,7 @@ impl SegmentQueue {
         !self.draining
             && !self.free.is_empty()
             && self.next < self.end()
-            && self.next + u64::from(self.size) <= self.slots + ended
+            && self.taken() + u64::from(self.size) <= self.slots + ended
     }
 }
 
@@ -177,6 +189,15 @@ mod tests {
         assert_eq!(segments.start(30).map(|segment| segment.wave.first), Some(30), "the next set begins");
         assert!(segments.take_finished(|_| true).is_some(), "alone");
         assert!(segments.start(40).is_some(), "a set that was never full goes on");
+    }
+
+    #[test]
+    fn segments_behind_a_film_take_slots_from_the_first_on() {
+        let mut segments = SegmentQueue::new(2, 10, 20, 1045).begin_at(1000);
+        let begun: Vec<_> = std::iter::from_fn(|| segments.start(0)).collect();
+        let of = |segment: &LiveSegment| (segment.wave.first, segment.first_slot);
+        assert_eq!(begun.iter().map(of).collect::<Vec<_>>(), [(1000, 0), (1010, 10)], "as many as there are slots");
+        assert_eq!(segments.unbegun(), 25, "what the film has is not to begin");
     }
 
     #[test]

@@ -77,11 +77,18 @@ pub(crate) struct StreamingStage<'a, 'r> {
     patience: LoadWait,
     leave: LeaveDecision,
     stall: StallDetector,
+    /// The film has the paths before it.
+    first: Option<u64>,
 }
 
 impl<'a, 'r> StreamingStage<'a, 'r> {
-    /// A stage without work.
-    pub(super) fn new(streamer: StreamingContext<'a, 'r>, leave: LeaveDecision, patience: LoadWait) -> Self {
+    /// A stage without work; the film may have the paths before `first`.
+    pub(super) fn new(
+        streamer: StreamingContext<'a, 'r>,
+        leave: LeaveDecision,
+        patience: LoadWait,
+        first: Option<u64>,
+    ) -> Self {
         let now = Instant::now();
         Self {
             most_paths: 0,
@@ -101,6 +108,7 @@ impl<'a, 'r> StreamingStage<'a, 'r> {
             last_waited: now,
             patience,
             leave,
+            first,
         }
     }
 
@@ -234,7 +242,7 @@ impl PathSource for StreamingStage<'_, '_> {
     }
 
     fn begin(&mut self, kind: PathKind, progress: &mut FrameProgress<'_>) -> Result<(), RenderError> {
-        self.streamer.clear(kind)?;
+        self.streamer.clear(kind == PathKind::Samples && self.first.is_none())?;
         let context = self.streamer.tracer.context;
         let total = match kind {
             PathKind::Aovs => context.job.request.pixels(),
@@ -246,8 +254,10 @@ impl PathSource for StreamingStage<'_, '_> {
         let buffers = self.streamer.buffers;
         let slots = buffers.paths.capacity;
         self.kind = kind;
-        self.segments = SegmentQueue::new(buffers.ended.segment_count, buffers.ended.segment_size, slots, total);
-        self.most_paths = total.min(u64::from(slots));
+        let first = self.first.unwrap_or(0);
+        self.segments = SegmentQueue::new(buffers.ended.segment_count, buffers.ended.segment_size, slots, total)
+            .begin_at(first.min(total));
+        self.most_paths = (total - first.min(total)).min(u64::from(slots));
         self.begun = vec![0; buffers.ended.segment_count as usize];
         self.seen = StepObservation::default();
         if let Some(reach) = &mut self.streamer.residency.reach {
@@ -411,6 +421,10 @@ impl PathSource for StreamingStage<'_, '_> {
             return Err(RenderError::Internal(format!("{left} paths wait for chunks that do not come")));
         }
         Ok(true)
+    }
+
+    fn goes_on(&self) -> bool {
+        self.first.is_some()
     }
 
     fn left_off(&self) -> Option<StreamingEnd> {

@@ -19,7 +19,7 @@ fn lit(radiance: f32) -> SceneEdit {
 fn view(width: u32) -> RenderRequest {
     let camera = perspective(DVec3::new(0.0, 0.0, 6.0), DVec3::ZERO, 0.7, [width, 12]);
     let aovs = vec![AovRequest { kind: AovKind::Color, clear: [0.0; 4] }];
-    RenderRequest { width, height: 12, camera, aovs }
+    RenderRequest { width, height: 12, camera, aovs, window: None }
 }
 
 /// What the corner of the picture shows, to a thousandth.

@@ -95,6 +95,7 @@ pub(crate) fn request(camera: Camera) -> RenderRequest {
         height: y0.abs_diff(y1),
         camera,
         aovs: AovKind::ALL.into_iter().map(|kind| AovRequest { kind, clear: clear(kind) }).collect(),
+        window: None,
     }
 }
 
@@ -124,7 +125,7 @@ pub(crate) fn render_with_messages(session: &Session, request: &RenderRequest) -
 
 /// An image as 32-bit words of one kind.
 pub(crate) fn read<T: bytemuck::Pod>(session: &Session, request: &RenderRequest, kind: AovKind) -> Vec<T> {
-    let bytes = usize::try_from(request.pixels()).expect("small") * kind.pixel_bytes();
+    let bytes = usize::try_from(request.image_pixels()).expect("small") * kind.pixel_bytes();
     let mut pixels = vec![T::zeroed(); bytes / size_of::<T>()];
     assert!(session.read_aov(kind, bytemuck::cast_slice_mut(&mut pixels)), "{kind:?} was not published");
     pixels

@@ -234,6 +234,8 @@ impl<'a> Tracer<'a> {
             view_normal: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
             default_albedo: [0.7; 3],
             width: SIZE[0],
+            picture_width: SIZE[0],
+            picture_height: SIZE[1],
             height: SIZE[1],
             seed: 5,
             most_walkers: self.walkers,
