@@ -77,7 +77,7 @@ bool _AreSame(const float* a, const float* b, size_t count)
 }
 
 /// Number of sites on the outlines of faces, those that faces share counted for each.
-size_t _CountSites(const Far::TopologyLevel& level, const Cut& cut)
+size_t _CountSites(const Far::TopologyLevel& level, const FaceCut& cut)
 {
     size_t count = 0;
     for (int face = cut.first_face; face < cut.end_face; ++face) {
@@ -94,7 +94,7 @@ class _Tessellator
 {
 public:
     _Tessellator(const Far::TopologyRefiner& refiner, const Bfr::SurfaceFactory& factory, size_t channels,
-        const Cut& cut, const Values& values, Facets* facets)
+        const FaceCut& cut, const SurfaceValues& values, Facets* facets)
         : _level(refiner.GetLevel(0))
         , _factory(factory)
         , _scheme(refiner.GetSchemeType())
@@ -300,7 +300,7 @@ private:
     const Far::TopologyLevel& _level;
     const Bfr::SurfaceFactory& _factory;
     Sdc::SchemeType _scheme;
-    const Cut& _cut;
+    const FaceCut& _cut;
     Facets* _facets;
     rust::Slice<const double> _positions;
     rust::Slice<const float> _vertex;
@@ -335,7 +335,7 @@ private:
 
 } // namespace
 
-LimitSurface::LimitSurface(const Rules& rules, const Topology& topology)
+LimitSurface::LimitSurface(const SchemeRules& rules, const MeshTopology& topology)
     : _channelCount(topology.channel_counts.size())
 {
     _Silence();
@@ -408,7 +408,7 @@ void LimitSurface::expected_facets(rust::Slice<const int32_t> rates, rust::Slice
     }
 }
 
-std::unique_ptr<Facets> LimitSurface::tessellate(const Cut& cut, const Values& values) const
+std::unique_ptr<Facets> LimitSurface::tessellate(const FaceCut& cut, const SurfaceValues& values) const
 {
     const size_t edges = _edges.size() / 2;
     const bool hasFaces = 0 <= cut.first_face && cut.end_face <= _refiner->GetLevel(0).GetNumFaces();
@@ -421,7 +421,7 @@ std::unique_ptr<Facets> LimitSurface::tessellate(const Cut& cut, const Values& v
     return facets;
 }
 
-std::unique_ptr<LimitSurface> new_limit_surface(Rules rules, const Topology& topology)
+std::unique_ptr<LimitSurface> new_limit_surface(SchemeRules rules, const MeshTopology& topology)
 {
     return std::make_unique<LimitSurface>(rules, topology);
 }

@@ -18,10 +18,10 @@
 
 namespace oocpt::subdiv {
 
-struct Cut;
-struct Rules;
-struct Topology;
-struct Values;
+struct FaceCut;
+struct SchemeRules;
+struct MeshTopology;
+struct SurfaceValues;
 
 /// Triangles on some faces of a limit surface. A vertex has a position, a normal (zero if the surface has none there)
 /// and values; where normals or values differ from face to face, several vertices have the same position.
@@ -60,12 +60,12 @@ private:
 class LimitSurface
 {
 public:
-    LimitSurface(const Rules& rules, const Topology& topology);
+    LimitSurface(const SchemeRules& rules, const MeshTopology& topology);
 
     rust::Slice<const int32_t> edges() const { return { _edges.data(), _edges.size() }; }
     /// Estimates the number of triangles that rates give in each face.
     void expected_facets(rust::Slice<const int32_t> rates, rust::Slice<uint64_t> facets) const;
-    std::unique_ptr<Facets> tessellate(const Cut& cut, const Values& values) const;
+    std::unique_ptr<Facets> tessellate(const FaceCut& cut, const SurfaceValues& values) const;
 
 private:
     /// The cache of irregular neighbourhoods, shared by all threads.
@@ -78,6 +78,6 @@ private:
     size_t _channelCount;
 };
 
-std::unique_ptr<LimitSurface> new_limit_surface(Rules rules, const Topology& topology);
+std::unique_ptr<LimitSurface> new_limit_surface(SchemeRules rules, const MeshTopology& topology);
 
 } // namespace oocpt::subdiv

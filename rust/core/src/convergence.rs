@@ -45,7 +45,7 @@ const Z: f64 = 1.959_963_985;
 /// Sums over the pixels of a picture. `s` and `d`, defined in the lead of the module, are relative, squared and
 /// averaged over the channels.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct ErrorSums {
+pub struct PictureErrorSums {
     /// Pixels of the picture.
     pub pixels: f64,
     /// Sum of `s`, the variance of the mean by that of the samples.
@@ -115,7 +115,7 @@ fn derivative(slope: f64, of: impl Fn(f64) -> f64) -> f64 {
     (of(high) - of(low)) / (high - low)
 }
 
-impl ErrorSums {
+impl PictureErrorSums {
     /// The square of the relative scatter of `d` around `ratio * s`.
     fn scatter(&self, ratio: f64) -> f64 {
         let around = ratio.mul_add(ratio * self.ss, (-2.0 * ratio).mul_add(self.sd, self.dd));
@@ -179,7 +179,7 @@ impl FilterState {
 impl ConvergenceEstimator {
     /// Updates the filter with the film at `2^octave` samples in every pixel, and returns the estimated error; `None`
     /// below two samples or if the sums are not sound. Octaves come in ascending order; some may be missing.
-    pub fn octave(&mut self, octave: u32, sums: &ErrorSums) -> Option<ErrorEstimate> {
+    pub fn octave(&mut self, octave: u32, sums: &PictureErrorSums) -> Option<ErrorEstimate> {
         if octave == 0 || octave > 32 || !sums.is_sound() {
             return None;
         }
@@ -212,7 +212,7 @@ impl ConvergenceEstimator {
 
     /// The error at any number of samples that is at least that of the last octave.
     #[must_use]
-    pub fn between(&self, samples: f64, sums: &ErrorSums) -> Option<ErrorEstimate> {
+    pub fn between(&self, samples: f64, sums: &PictureErrorSums) -> Option<ErrorEstimate> {
         let (octave, state) = self.last?;
         if !sums.is_sound() || samples.is_nan() || samples < f64::from(octave).exp2() {
             return None;
@@ -235,7 +235,7 @@ impl ConvergenceEstimator {
 /// The square of half their difference, `d` of `sums`, has the same expectation as that of the picture's error, without
 /// any model. None below two samples or without sound sums.
 #[must_use]
-pub fn of_halves(sums: &ErrorSums) -> Option<ErrorEstimate> {
+pub fn of_halves(sums: &PictureErrorSums) -> Option<ErrorEstimate> {
     if !sums.is_sound() {
         return None;
     }
@@ -260,7 +260,7 @@ fn blocks(samples: f64, octave: u32, slope: f64) -> f64 {
     sum / samples.max(1.0)
 }
 
-fn interval(sum: f64, sums: &ErrorSums, state: f64, scatter: f64) -> ErrorEstimate {
+fn interval(sum: f64, sums: &PictureErrorSums, state: f64, scatter: f64) -> ErrorEstimate {
     let doubt = sums.doubt / (sums.s * sums.s).max(f64::MIN_POSITIVE);
     // This picture's error is skewed too: its median lies below its mean.
     let middle = (-0.5 * scatter.ln_1p().min(1.0)).exp();

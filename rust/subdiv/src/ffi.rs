@@ -10,7 +10,7 @@ pub(crate) use bridge::*;
 mod bridge {
     /// Rules of subdivision, as the numbers of OpenSubdiv's enumerations.
     #[derive(Clone, Copy, Debug)]
-    struct Rules {
+    struct SchemeRules {
         scheme: i32,
         boundary: i32,
         face_varying: i32,
@@ -19,7 +19,7 @@ mod bridge {
     }
 
     /// Checked topology.
-    struct Topology<'a> {
+    struct MeshTopology<'a> {
         point_count: i32,
         face_counts: &'a [i32],
         face_points: &'a [i32],
@@ -35,7 +35,7 @@ mod bridge {
     }
 
     /// The faces that are cut, and the rates of their edges.
-    struct Cut<'a> {
+    struct FaceCut<'a> {
         /// Number of pieces of each edge.
         rates: &'a [i32],
         /// Number of the first inner place of each edge; control vertices are places too.
@@ -45,7 +45,7 @@ mod bridge {
     }
 
     /// The values that are evaluated. Widths are floats of a value.
-    struct Values<'a> {
+    struct SurfaceValues<'a> {
         positions: &'a [f64],
         vertex: &'a [f32],
         vertex_width: i32,
@@ -62,12 +62,12 @@ mod bridge {
         type LimitSurface;
         type Facets;
 
-        fn new_limit_surface(rules: Rules, topology: &Topology<'_>) -> Result<UniquePtr<LimitSurface>>;
+        fn new_limit_surface(rules: SchemeRules, topology: &MeshTopology<'_>) -> Result<UniquePtr<LimitSurface>>;
         /// End points of the edges, two for each edge.
         fn edges(self: &LimitSurface) -> &[i32];
         /// Approximate number of triangles that these rates give in each face.
         fn expected_facets(self: &LimitSurface, rates: &[i32], facets: &mut [u64]) -> Result<()>;
-        fn tessellate(self: &LimitSurface, cut: &Cut<'_>, values: &Values<'_>) -> Result<UniquePtr<Facets>>;
+        fn tessellate(self: &LimitSurface, cut: &FaceCut<'_>, values: &SurfaceValues<'_>) -> Result<UniquePtr<Facets>>;
 
         fn positions(self: &Facets) -> &[f32];
         fn normals(self: &Facets) -> &[f32];

@@ -227,7 +227,7 @@ impl LimitSurface {
         let channel_counts: Vec<usize> = control.channels.iter().map(|channel| channel.count).collect();
         let counts = channel_counts.iter().map(|&count| check::int(count)).collect::<Result<Vec<_>, _>>()?;
         let channel_values: Vec<i32> = control.channels.iter().flat_map(|channel| channel.corners).copied().collect();
-        let topology = ffi::Topology {
+        let topology = ffi::MeshTopology {
             point_count: check::int(control.point_count)?,
             face_counts: control.face_counts,
             face_points: control.face_points,
@@ -276,7 +276,7 @@ impl LimitSurface {
         let widths = data.channels.iter().map(|values| check::int(values.width)).collect::<Result<Vec<_>, _>>()?;
         let face_varying: Vec<f32> = data.channels.iter().flat_map(|values| values.floats).copied().collect();
         let positions: Vec<f64> = data.positions.iter().map(|&float| f64::from(float)).collect();
-        let values = ffi::Values {
+        let values = ffi::SurfaceValues {
             positions: &positions,
             vertex: data.vertex.floats,
             vertex_width: check::int(data.vertex.width)?,
@@ -288,7 +288,7 @@ impl LimitSurface {
         let (edge_sites, site_count) = self.edge_sites(rates)?;
         let block = |faces: &Range<usize>| -> Result<_, Error> {
             let (first_face, end_face) = (check::int(faces.start)?, check::int(faces.end)?);
-            let cut = ffi::Cut { rates, edge_sites: &edge_sites, first_face, end_face };
+            let cut = ffi::FaceCut { rates, edge_sites: &edge_sites, first_face, end_face };
             Ok(self.inner.tessellate(&cut, &values)?)
         };
         let blocks: Vec<_> = blocks(&expected).par_iter().map(block).collect::<Result<_, _>>()?;
@@ -329,8 +329,8 @@ fn blocks(expected: &[u64]) -> Vec<Range<usize>> {
 }
 
 /// Rules as OpenSubdiv numbers them (`Sdc::SchemeType`, `Sdc::Options`).
-fn rules(rules: SubdivisionRules) -> ffi::Rules {
-    ffi::Rules {
+fn rules(rules: SubdivisionRules) -> ffi::SchemeRules {
+    ffi::SchemeRules {
         scheme: match rules.scheme {
             SubdivisionScheme::Bilinear => 0,
             SubdivisionScheme::CatmullClark => 1,

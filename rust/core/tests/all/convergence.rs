@@ -3,13 +3,17 @@
 //! samples, and independently.
 
 use oocpt_abi::sampler::{pixel_seed, sample_4d};
-use oocpt_core::convergence::{ConvergenceEstimator, ErrorEstimate, ErrorSums};
+use oocpt_core::convergence::{ConvergenceEstimator, ErrorEstimate, PictureErrorSums};
 
 const PIXELS: u32 = 256;
 
 /// The films of all pixels at each power of two up to `samples`, and the true relMSE; `value(pixel, sample)` has mean
 /// `mean(pixel)`.
-fn octaves(samples: u32, value: &dyn Fn(u32, u32) -> f64, mean: &dyn Fn(u32) -> f64) -> Vec<(u32, ErrorSums, f64)> {
+fn octaves(
+    samples: u32,
+    value: &dyn Fn(u32, u32) -> f64,
+    mean: &dyn Fn(u32) -> f64,
+) -> Vec<(u32, PictureErrorSums, f64)> {
     let mut film = vec![(0.0_f64, 0.0_f64, 0.0_f64); PIXELS as usize];
     let mut octaves = Vec::new();
     for n in 0..samples {
@@ -25,7 +29,8 @@ fn octaves(samples: u32, value: &dyn Fn(u32, u32) -> f64, mean: &dyn Fn(u32) -> 
         if !n.is_power_of_two() || n < 2 {
             continue;
         }
-        let (mut sums, mut truth) = (ErrorSums { pixels: f64::from(PIXELS), ..ErrorSums::default() }, 0.0);
+        let (mut sums, mut truth) =
+            (PictureErrorSums { pixels: f64::from(PIXELS), ..PictureErrorSums::default() }, 0.0);
         for (pixel, (sum, m2, earlier)) in (0..).zip(&film) {
             let (now, mu) = (sum / f64::from(n), mean(pixel));
             let divisor = mu * mu + 1e-2;
@@ -43,7 +48,7 @@ fn octaves(samples: u32, value: &dyn Fn(u32, u32) -> f64, mean: &dyn Fn(u32) -> 
 }
 
 /// The last estimate, the estimate by the variance of samples alone, and the truth.
-fn told(octaves: &[(u32, ErrorSums, f64)]) -> (ErrorEstimate, f64, f64) {
+fn told(octaves: &[(u32, PictureErrorSums, f64)]) -> (ErrorEstimate, f64, f64) {
     let mut convergence = ConvergenceEstimator::default();
     let mut last = None;
     for (octave, sums, truth) in octaves {
@@ -115,10 +120,14 @@ fn the_estimate_is_continuous_at_powers_of_two() {
 
 #[test]
 fn non_finite_sums_give_no_estimate() {
-    let sums = ErrorSums { pixels: 4.0, s: f64::NAN, ..ErrorSums::default() };
+    let sums = PictureErrorSums { pixels: 4.0, s: f64::NAN, ..PictureErrorSums::default() };
     assert_eq!(ConvergenceEstimator::default().octave(3, &sums), None, "NaN");
-    assert_eq!(ConvergenceEstimator::default().octave(3, &ErrorSums { s: f64::INFINITY, ..sums }), None, "infinity");
-    let flat = ErrorSums { s: 0.0, ..sums };
+    assert_eq!(
+        ConvergenceEstimator::default().octave(3, &PictureErrorSums { s: f64::INFINITY, ..sums }),
+        None,
+        "infinity"
+    );
+    let flat = PictureErrorSums { s: 0.0, ..sums };
     let told = ConvergenceEstimator::default().octave(3, &flat).expect("a picture without noise");
     assert!(told.low <= 0.0 && told.rel_mse <= 0.0 && told.high > 0.0, "rounding is left: {told:?}");
 }

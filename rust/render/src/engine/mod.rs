@@ -94,7 +94,7 @@ impl CompiledFeatures {
         let counts = !job.settings.chunk_report.is_empty() || maps_host(context.device, &job.settings);
         needed.set(Features::CHUNK_COUNTS, streams && counts);
         needed.set(Features::ROULETTE, streams && job.settings.straggler_roulette);
-        let carried = context.carry.possible(needed, context.light_carry);
+        let carried = context.carry.possible(needed, context.allowed_by_lights);
         Self { features: needed | carried, carried }
     }
 

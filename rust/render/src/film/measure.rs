@@ -19,7 +19,7 @@ const WORST: usize = 8;
 /// One measurement of the film's error.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct MeasuredError {
-    pub(crate) sums: convergence::ErrorSums,
+    pub(crate) sums: convergence::PictureErrorSums,
     /// Worst first.
     pub(crate) worst: Vec<WorstPixel>,
     /// Fewest samples of a pixel.
@@ -35,7 +35,7 @@ pub(crate) fn read(film: &Film, slot: u32, layout: &PictureLayout) -> Result<Opt
     let Some((parts, counters)) = film.error(slot)? else { return Ok(None) };
     let PixelWindow { x, y, width, height } = layout.window;
     let sum = |of: fn(&ErrorSums) -> f32| parts.iter().map(|part| f64::from(of(part))).sum();
-    let sums = convergence::ErrorSums {
+    let sums = convergence::PictureErrorSums {
         pixels: f64::from(width) * f64::from(height),
         s: sum(|p| p.s),
         d: sum(|p| p.d),

@@ -17,9 +17,9 @@ use std::io::{BufReader, BufWriter};
 use std::path::Path;
 
 /// Most attributes that are read.
-const MOST: usize = 64;
+const MAX_ATTRIBUTES: usize = 64;
 /// Longest text of an attribute that is read, characters.
-const LONGEST: usize = 400;
+const MAX_TEXT_CHARS: usize = 400;
 
 /// The reasons why a picture was not written or read.
 #[derive(Debug, thiserror::Error)]
@@ -116,9 +116,9 @@ pub fn annotate(path: &Path, attributes: &PictureAttributes) -> Result<(), Pictu
 /// # Errors
 /// [`PictureError::File`].
 pub fn read_attributes(path: &Path) -> Result<PictureAttributes, PictureError> {
-    let said = |error: exr::error::Error| PictureError::File(path.display().to_string(), error.to_string());
-    let file = oocpt_files::open(path).map_err(exr::error::Error::from).map_err(said)?;
-    let meta = MetaData::read_from_buffered(BufReader::new(file), false).map_err(said)?;
+    let read_error = |error: exr::error::Error| PictureError::File(path.display().to_string(), error.to_string());
+    let file = oocpt_files::open(path).map_err(exr::error::Error::from).map_err(read_error)?;
+    let meta = MetaData::read_from_buffered(BufReader::new(file), false).map_err(read_error)?;
     let mut found = PictureAttributes::new();
     for header in &meta.headers {
         for (name, value) in header.own_attributes.other.iter().chain(&header.shared_attributes.other) {
@@ -135,13 +135,13 @@ pub fn read_attributes(path: &Path) -> Result<PictureAttributes, PictureError> {
     }
     found.sort_by(|a, b| a.0.cmp(&b.0));
     found.dedup_by(|a, b| a.0 == b.0);
-    found.truncate(MOST);
+    found.truncate(MAX_ATTRIBUTES);
     Ok(found)
 }
 
 /// The printable characters of a text from a file.
 fn printable(text: &str) -> String {
-    text.chars().filter(|c| !c.is_control()).take(LONGEST).collect()
+    text.chars().filter(|c| !c.is_control()).take(MAX_TEXT_CHARS).collect()
 }
 
 #[cfg(test)]

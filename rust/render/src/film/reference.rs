@@ -46,9 +46,9 @@ pub(crate) enum ReferenceError {
 impl ReferencePicture {
     /// Reads the first layer's R, G and B, of a picture of that size of which a window is rendered.
     pub(crate) fn read(path: &Path, [width, height]: [u32; 2], window: PixelWindow) -> Result<Self, ReferenceError> {
-        let said = |error: exr::error::Error| ReferenceError::Read(format!("{}: {error}", path.display()));
+        let read_error = |error: exr::error::Error| ReferenceError::Read(format!("{}: {error}", path.display()));
         let open = || Ok(BufReader::new(oocpt_files::open(path)?));
-        let meta = open().and_then(|file| exr::meta::MetaData::read_from_buffered(file, false)).map_err(said)?;
+        let meta = open().and_then(|file| exr::meta::MetaData::read_from_buffered(file, false)).map_err(read_error)?;
         let size = meta.headers.first().map_or(Vec2(0, 0), |header| header.layer_size);
         if size != Vec2(width as usize, height as usize) {
             return Err(ReferenceError::Size(width, height, size.x(), size.y()));
@@ -67,8 +67,8 @@ impl ReferencePicture {
             )
             .first_valid_layer()
             .all_attributes()
-            .from_buffered(open().map_err(said)?)
-            .map_err(said)?;
+            .from_buffered(open().map_err(read_error)?)
+            .map_err(read_error)?;
         let top_first = image.layer_data.channel_data.pixels;
         if top_first.len() != size.area() {
             return Err(ReferenceError::Read(format!("{}: another layer than its first is read", path.display())));

@@ -11,7 +11,7 @@ const DEFAULT_ALBEDO: [f32; 3] = [0.18; 3];
 
 /// Threads that trace the rays of a round, at most: more than devices run at a time (an H200 runs 118 000), few enough
 /// for rays to be left for those whose walks end early.
-const MOST_WALKERS: u32 = 1 << 18;
+const MAX_WALKERS: u32 = 1 << 18;
 
 /// The constant that is added to the square of a pixel before an error is divided by it: 0.01 in the picture (Rousselle
 /// et al. 2011), which is the film times the exposure. Bounded, so that relative errors are finite for every exposure.
@@ -62,7 +62,7 @@ pub(crate) fn frame_block(context: &FrameContext<'_>, scene: &SceneView) -> Fram
         max_bounces: job.settings.max_bounces,
         kind_limits: kind_limits(&job.settings),
         flags: flags.bits(),
-        most_walkers: MOST_WALKERS,
+        most_walkers: MAX_WALKERS,
         materials: scene.materials,
         prims: scene.prims,
         material_slots: scene.material_slots,

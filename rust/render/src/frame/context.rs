@@ -34,7 +34,7 @@ pub(crate) struct FrameContext<'a> {
     /// Features that are compiled in although the scene does not need them.
     pub(crate) carry: &'a ForcedFeatures,
     /// The part of `carry` that these lights allow.
-    pub(crate) light_carry: Features,
+    pub(crate) allowed_by_lights: Features,
     /// Paths a second that were traced last, where images are shown on the way.
     pub(crate) pace: Option<f64>,
     /// Memory is short.
@@ -79,7 +79,7 @@ pub(crate) fn in_flight(context: &FrameContext<'_>, path_bytes: u64) -> InFlight
 
 /// What lights and what is carried with them have compiled in.
 fn light_features(context: &FrameContext<'_>) -> Features {
-    context.lights.features | (context.carry.features & context.light_carry)
+    context.lights.features | (context.carry.features & context.allowed_by_lights)
 }
 
 /// Whether some light asks for shadow rays.

@@ -11,12 +11,12 @@
 //! - but as many paths as fill a large device ([`FILLS`]), if the render has so many;
 //! - no more than a share of the device's memory ([`DEVICE_SHARE`]), which tells how large it is: a card of 2 GiB is
 //!   busy with a tenth of what an H200 needs;
-//! - never more than [`MOST`].
+//! - never more than [`MAX_PATHS`].
 
 /// Most paths in flight on a GPU.
-const MOST: u64 = 1 << 22;
+const MAX_PATHS: u64 = 1 << 22;
 /// Most paths in flight on a processor: more do not trace faster there.
-const MOST_CPU: u64 = 1 << 17;
+const MAX_PATHS_CPU: u64 = 1 << 17;
 /// Least number of waves of a render, as long as each still fills the device.
 const WAVES: u64 = 4;
 /// Paths that fill a large device: twice the threads that an H200 keeps.
@@ -24,9 +24,9 @@ const FILLS: u64 = 1 << 19;
 /// Paths take at most one part in so many of a GPU's memory.
 const DEVICE_SHARE: u64 = 16;
 /// Paths that may be in flight however small the memory of the GPU is.
-const LEAST: u64 = 1 << 16;
+const MIN_PATHS_GPU: u64 = 1 << 16;
 /// Fewest in flight.
-pub(crate) const FEWEST: u64 = 1 << 12;
+pub(crate) const MIN_PATHS: u64 = 1 << 12;
 /// A scene counts as fitting a GPU only if it leaves room for waves of this many paths (or of all paths that the render
 /// has). Smaller waves leave a GPU idle between them, and a scene that is nearly resident streams faster
 /// (decisions/0029).
@@ -52,14 +52,14 @@ impl InFlight {
     /// Paths that waves are to have room for: a power of two.
     pub(crate) fn wanted(self) -> u64 {
         let Self { is_cpu, device_bytes, paths, path_bytes, asked } = self;
-        let all = paths.clamp(FEWEST, MOST).next_power_of_two();
+        let all = paths.clamp(MIN_PATHS, MAX_PATHS).next_power_of_two();
         if let Some(asked) = asked {
-            return all.min(1 << u64::from(asked).clamp(FEWEST, MOST).ilog2());
+            return all.min(1 << u64::from(asked).clamp(MIN_PATHS, MAX_PATHS).ilog2());
         }
         if is_cpu {
-            return all.min(MOST_CPU);
+            return all.min(MAX_PATHS_CPU);
         }
-        let of_device = (device_bytes / DEVICE_SHARE / path_bytes.max(1)).max(LEAST);
+        let of_device = (device_bytes / DEVICE_SHARE / path_bytes.max(1)).max(MIN_PATHS_GPU);
         let of_render = (paths / WAVES).max(FILLS).next_power_of_two();
         all.min(of_render).min(1 << of_device.ilog2())
     }

@@ -503,9 +503,9 @@ impl<'a> FrameProgress<'a> {
     fn tell_nonfinite(&self, count: u64) {
         if count == 0 {
             if self.done >= self.total_paths() {
-                self.shared.nonfinite_told.store(false, Ordering::Relaxed);
+                self.shared.nonfinite_reported.store(false, Ordering::Relaxed);
             }
-        } else if !self.shared.nonfinite_told.swap(true, Ordering::Relaxed) {
+        } else if !self.shared.nonfinite_reported.swap(true, Ordering::Relaxed) {
             self.shared.report(Severity::Warning, nonfinite_text(count, self.nonfinite_pixel, self.layout.size[0]));
         }
     }

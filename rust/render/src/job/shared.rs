@@ -30,7 +30,7 @@ pub(crate) struct SharedState {
     pub(crate) reports: Mutex<Vec<String>>,
     pub(crate) messages: Mutex<Vec<Message>>,
     /// True if the user was told that the last render had samples that are not finite.
-    pub(crate) nonfinite_told: AtomicBool,
+    pub(crate) nonfinite_reported: AtomicBool,
     #[cfg(feature = "faults")]
     pub(crate) witness: Mutex<crate::job::faults::FaultWitness>,
     #[cfg(feature = "faults")]

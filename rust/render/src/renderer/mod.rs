@@ -191,7 +191,7 @@ impl Renderer {
             film: &film,
             tables: &tables,
             carry,
-            light_carry: lights.carried,
+            allowed_by_lights: lights.carried,
             pace: self.first_pictures.pace.rate().filter(|_| job.settings.interactive),
             is_frugal: self.is_frugal,
             has_outgrown: self.outgrown.as_ref().is_some_and(|snapshot| Arc::ptr_eq(snapshot, &job.snapshot)),
@@ -522,8 +522,8 @@ impl Renderer {
         // Once the scene is resident, only tiles of textures are still to be loaded.
         let unused = memory.budget.saturating_sub(memory.used);
         let share = share_of_waves(unused, if textures { tiles.0 } else { 0 }, tiles.1);
-        let capacity = wanted.min(share / path_bytes).max(in_flight::FEWEST);
-        let mut waves = shrinking(capacity, in_flight::FEWEST, |capacity| {
+        let capacity = wanted.min(share / path_bytes).max(in_flight::MIN_PATHS);
+        let mut waves = shrinking(capacity, in_flight::MIN_PATHS, |capacity| {
             PathBuffers::new(&device.gpu, capacity, view.max_levels, needs)
         })?;
         waves.asked = wanted;

@@ -8,7 +8,7 @@
 
 /// Scenes of which fewer bytes are missing are uploaded first: compiling the streaming passes would take the time that
 /// streaming saves.
-const LEAST: u64 = 4 << 30;
+const MIN_STREAMED_BYTES: u64 = 4 << 30;
 /// The number of missing bytes for which one path may be streamed: more than it costs (decisions/0050).
 const BYTES_A_PATH: u64 = 100;
 
@@ -23,7 +23,7 @@ impl UploadDecision {
     /// the device yet.
     pub(crate) fn streams(&mut self, missing: u64, paths: u64) -> bool {
         let paths = self.paths.saturating_add(paths);
-        let streams = missing >= LEAST && paths <= missing / BYTES_A_PATH;
+        let streams = missing >= MIN_STREAMED_BYTES && paths <= missing / BYTES_A_PATH;
         self.paths = if streams { paths } else { 0 };
         streams
     }

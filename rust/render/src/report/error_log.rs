@@ -23,7 +23,7 @@ use std::borrow::Cow;
 use std::path::Path;
 
 /// Fewest samples after which the error may count as small enough: with fewer, its estimate is too uncertain.
-const FEWEST_TO_STOP: u32 = 4;
+const MIN_SAMPLES_TO_STOP: u32 = 4;
 
 /// The clock and counters of a row.
 #[derive(Clone, Copy, Debug, Default)]
@@ -55,7 +55,7 @@ impl ErrorHistory {
 
 /// Whether the error of an octave is small enough to stop.
 fn is_good((octave, high): (u32, Option<f64>), target: f64) -> bool {
-    target > 0.0 && octave >= FEWEST_TO_STOP && high.is_some_and(|high| high <= target)
+    target > 0.0 && octave >= MIN_SAMPLES_TO_STOP && high.is_some_and(|high| high <= target)
 }
 
 /// Measures, reports and judges the error of one render.
@@ -89,7 +89,7 @@ impl ErrorLog {
                     .ok()
             }
         };
-        let open = if target > 0.0 { pixels << FEWEST_TO_STOP } else { u64::MAX };
+        let open = if target > 0.0 { pixels << MIN_SAMPLES_TO_STOP } else { u64::MAX };
         let has_halves = job.settings.adaptive_sampling;
         Self {
             history: ErrorHistory::default(),
@@ -108,7 +108,7 @@ impl ErrorLog {
     pub(crate) fn begin_again(&mut self) {
         self.history = ErrorHistory::default();
         self.is_good = false;
-        self.open = if self.target > 0.0 { self.pixels << FEWEST_TO_STOP } else { u64::MAX };
+        self.open = if self.target > 0.0 { self.pixels << MIN_SAMPLES_TO_STOP } else { u64::MAX };
         self.last = None;
     }
 
@@ -207,7 +207,7 @@ impl ErrorLog {
     fn decide(&mut self, octave: u32, high: Option<f64>) {
         let (_, next) = next_boundary(self.pixels << octave, self.pixels);
         self.is_good = is_good((octave, high), self.target);
-        if self.target > 0.0 && octave >= FEWEST_TO_STOP && !self.is_good && self.open < next {
+        if self.target > 0.0 && octave >= MIN_SAMPLES_TO_STOP && !self.is_good && self.open < next {
             self.open = next;
         }
     }
@@ -253,7 +253,7 @@ impl ErrorLog {
 
 /// Samples after which a render stops whose error after `taken` of them is so many times the target: a power of two.
 fn needed_samples(taken: u32, excess: f64) -> f64 {
-    let fewest = f64::from(1_u32 << FEWEST_TO_STOP);
+    let fewest = f64::from(1_u32 << MIN_SAMPLES_TO_STOP);
     (f64::from(taken) * excess.max(0.0)).max(fewest).log2().ceil().exp2()
 }
 
