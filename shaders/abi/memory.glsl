@@ -15,7 +15,7 @@ layout(buffer_reference, scalar, buffer_reference_align = 8) buffer TextureFeedb
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer DemandList { UnitDemand v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) buffer Segments { PathSegment v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) buffer PendingLists { PendingItems v[]; };
-layout(buffer_reference, scalar, buffer_reference_align = 16) buffer Questions { DeferredAlphaTest v[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 16) buffer DeferredAlphaTests { DeferredAlphaTest v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) buffer Surfaces { GpuSurface v[]; };
 
 layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer ConstVec4s { vec4 v[]; };

@@ -68,7 +68,7 @@ vec4 sampled(Ray ray, Receiver r, vec4 u) {
     wanted = index;
     found = 0.0;
     bool met;
-    lights_along(origin, w, LARGEST, false, PreviousVertex(r, 0u, vec3(0.0), 1.0), met);
+    lights_along(origin, w, MAX_FLOAT, false, PreviousVertex(r, 0u, vec3(0.0), 1.0), met);
     float t;
     vec3 hit;
     float other = 0.0;

@@ -13,7 +13,7 @@ void main() {
     const uvec4 query = ConstUVec4s(FRAME.rays).v[2u * at];
     const float width = ConstVec4s(FRAME.rays).v[2u * at + 1u].x;
     TextureProgress progress = TextureProgress(Vec4s(FRAME.radiance).v[2u * at], query.y);
-    const uint said = continue_lookup(query.x, uintBitsToFloat(query.zw), width, progress);
+    const uint status = continue_lookup(query.x, uintBitsToFloat(query.zw), width, progress);
     Vec4s(FRAME.radiance).v[2u * at] = progress.mean;
-    UVec4s(FRAME.radiance).v[2u * at + 1u] = uvec4(said, progress.taps, 0u, 0u);
+    UVec4s(FRAME.radiance).v[2u * at + 1u] = uvec4(status, progress.taps, 0u, 0u);
 }

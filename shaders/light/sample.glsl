@@ -93,7 +93,7 @@ float linked_infinite(uint link_set) {
 }
 
 // Least share of the shadow rays for each of two groups that may both contribute.
-const float LEAST_SHARE = 0.1;
+const float MIN_SHARE = 0.1;
 
 // Rough irradiance by lights at infinity; `linked`: the share of them that shines here.
 float irradiance_from_infinity(float linked, Receiver r) {
@@ -126,7 +126,7 @@ float local_share(float linked, Receiver r) {
     const float near = irradiance_from_near(r);
     if (!(near > 0.0)) return 0.0;
     const float sum = near + irradiance_from_infinity(linked, r);
-    return sum < INFINITE ? LEAST_SHARE + (1.0 - 2.0 * LEAST_SHARE) * (near / sum) : given;
+    return sum < INFINITE ? MIN_SHARE + (1.0 - 2.0 * MIN_SHARE) * (near / sum) : given;
 }
 
 bool is_shadow_only(uint flags) {

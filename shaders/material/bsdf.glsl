@@ -39,17 +39,17 @@
 #include "material/bsdf/lobe.glsl"
 #include "generated/lobe_functions.glsl"
 
-const float LEAST_VIEW_COSINE = 1.0e-3;
+const float MIN_VIEW_COSINE = 1.0e-3;
 
-// A normal in the plane of n and wo that wo sees at LEAST_VIEW_COSINE at least.
+// A normal in the plane of n and wo that wo sees at MIN_VIEW_COSINE at least.
 vec3 bent_normal(vec3 n, vec3 wo) {
     const float cosine = dot(n, wo);
-    if (cosine >= LEAST_VIEW_COSINE) return n;
+    if (cosine >= MIN_VIEW_COSINE) return n;
     const vec3 across = n - cosine * wo;
     const float size2 = dot(across, across);
     if (!(size2 > 1.0e-12)) return wo;
-    return normalize(across * (sqrt(1.0 - LEAST_VIEW_COSINE * LEAST_VIEW_COSINE) * inversesqrt(size2))
-                     + LEAST_VIEW_COSINE * wo);
+    return normalize(across * (sqrt(1.0 - MIN_VIEW_COSINE * MIN_VIEW_COSINE) * inversesqrt(size2))
+                     + MIN_VIEW_COSINE * wo);
 }
 
 // `s` is valid (valid_shading); wo unit, from the surface to the viewer.
@@ -130,7 +130,7 @@ Bsdf make_bsdf(const Shading s, vec3 wo) {
         b.stretch = make_stretch(b.alpha, s.anisotropy.x, s.anisotropy.y);
         if (HAS_COAT) b.coat_stretch = make_stretch(b.coat_alpha, s.anisotropy.z, s.anisotropy.w);
     }
-    b.o = vec3(dot(b.t, wo), dot(b.b, wo), clamp(dot(b.n, wo), LEAST_VIEW_COSINE, 1.0));
+    b.o = vec3(dot(b.t, wo), dot(b.b, wo), clamp(dot(b.n, wo), MIN_VIEW_COSINE, 1.0));
     b.under_sheen = under_sheen(b, b.o.z);
     float lost, average_lost;
     const vec3 under = under_all(b, b.o.z, lost);

@@ -30,8 +30,8 @@ float dispersed_ior(float ior, float dispersion, uint channel) {
 }
 
 // The channel that u in [0, 1) selects in proportion to the throughput, and the factor for the throughput.
-uint choose_channel(vec3 carried, float u, out vec3 factor) {
-    const vec3 part = max(carried, 0.0);
+uint choose_channel(vec3 throughput, float u, out vec3 factor) {
+    const vec3 part = max(throughput, 0.0);
     const float sum = part.x + part.y + part.z;
     const float at = u * sum;
     uint channel = at < part.x ? 0u : (at < part.x + part.y ? 1u : 2u);
@@ -44,12 +44,12 @@ uint choose_channel(vec3 carried, float u, out vec3 factor) {
 
 // Makes a dispersive shading that of one channel, for a path that arrives with throughput `carried`; returns the factor
 // for the throughput.
-vec3 disperse(uint path, vec3 carried, inout Shading s) {
+vec3 disperse(uint path, vec3 throughput, inout Shading s) {
     if (!(s.dispersion > 0.0 && s.opacity < 1.0)) return vec3(1.0);
     const uvec2 pixel = pixel_position(path_pixel(path));
     const float u = sample_4d(path_sample(path), CHANNEL_SET, pixel_seed(pixel.x, pixel.y, path_seed(path))).x;
     vec3 factor;
-    const uint channel = choose_channel(carried, u, factor);
+    const uint channel = choose_channel(throughput, u, factor);
     s.ior = dispersed_ior(s.ior, s.dispersion, channel);
     return factor;
 }

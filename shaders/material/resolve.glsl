@@ -10,21 +10,21 @@ void main() {
     const uint at = thread_index();
     const bool in_range = at < COUNTERS.resolve_count;
     uint path = 0u;
-    uint said = TEXTURE_DONE;
+    uint status = TEXTURE_DONE;
     if (in_range) {
         path = ConstUints(STREAMING.resolve_queue).v[at];
         noted_count = 0u;
         const Surface surface = stored_surface(path);
-        const Shading shading = make_shading(path, surface, said);
+        const Shading shading = make_shading(path, surface, status);
 #ifdef RESOLVE_LIGHTS
-        if (HAS_MESH_LIGHT_VALUES && said >= TEXTURE_FALLBACK && (push.flags & PUSH_AOVS) == 0u) {
-            resolve_ask(path, surface, shading, said);
+        if (HAS_MESH_LIGHT_VALUES && status >= TEXTURE_FALLBACK && (push.flags & PUSH_AOVS) == 0u) {
+            resolve_ask(path, surface, shading, status);
         }
 #endif
     }
-    const bool waits = in_range && said < TEXTURE_FALLBACK;
+    const bool waits = in_range && status < TEXTURE_FALLBACK;
     if (waits) {
-        PendingLists(STREAMING.pending).v[path].chunk_instance[0] = said;
+        PendingLists(STREAMING.pending).v[path].chunk_instance[0] = status;
         for (uint k = 0u; k < noted_count; ++k) {
             PendingLists(STREAMING.pending).v[path].chunk_instance[k + 1u] = noted_units[k];
         }

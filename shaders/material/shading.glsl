@@ -66,7 +66,7 @@ HairShading white_hair() {
 }
 
 // Least ratio of the two alphas of an anisotropic lobe.
-const float LEAST_RATIO = 0.02;
+const float MIN_ALPHA_RATIO = 0.02;
 
 // The material of a surface that has none: diffuse and nothing else (specular F0 = 0).
 Shading diffuse_shading(vec3 geometric_normal, vec3 normal, vec3 color) {
@@ -120,8 +120,8 @@ Shading valid_shading(Shading s) {
     s.sheen_roughness = unit_range(s.sheen_roughness);
     s.transmission_color = unit_range(s.transmission_color);
     s.coat_ior = s.coat_ior >= 1.0 ? min(s.coat_ior, 1.0e3) : 1.0;
-    s.anisotropy.x = s.anisotropy.x < 1.0 ? max(s.anisotropy.x, LEAST_RATIO) : 1.0; // NaN is 1
-    s.anisotropy.z = s.anisotropy.z < 1.0 ? max(s.anisotropy.z, LEAST_RATIO) : 1.0;
+    s.anisotropy.x = s.anisotropy.x < 1.0 ? max(s.anisotropy.x, MIN_ALPHA_RATIO) : 1.0; // NaN is 1
+    s.anisotropy.z = s.anisotropy.z < 1.0 ? max(s.anisotropy.z, MIN_ALPHA_RATIO) : 1.0;
     s.anisotropy.y = abs(s.anisotropy.y) < 1.0e6 ? s.anisotropy.y : 0.0;
     s.anisotropy.w = abs(s.anisotropy.w) < 1.0e6 ? s.anisotropy.w : 0.0;
     s.film.x = unit_range(s.film.x);

@@ -15,8 +15,8 @@ void request_tile(uint path, uint page) {
     TEXTURE_FEEDBACK.is_incomplete = 1u;
     const uint bit = 1u << (page & 31u);
     if ((atomicOr(Uints(TEXTURE_FEEDBACK.requested).v[page >> 5], bit) & bit) != 0u) return;
-    const uint at = atomicAdd(TEXTURE_FEEDBACK.wanted_count, 1u);
-    if (at < TEXTURE_FEEDBACK.wanted_capacity) Uints(TEXTURE_FEEDBACK.wanted).v[at] = page;
+    const uint at = atomicAdd(TEXTURE_FEEDBACK.request_count, 1u);
+    if (at < TEXTURE_FEEDBACK.request_capacity) Uints(TEXTURE_FEEDBACK.wanted).v[at] = page;
 }
 
 // Returns true if the passes of this wave do nothing, because an earlier wave is incomplete.

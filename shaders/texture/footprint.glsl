@@ -4,7 +4,7 @@
 // bits are those of streaming. decisions/0018.
 //
 // A lookup is filtered as wide as the ellipse's shorter axis. Along the longer one the samples of a pixel, which are
-// spread over the same ellipse, do the rest; so that a few of them suffice, at most MOST_ANISOTROPY widths go to its
+// spread over the same ellipse, do the rest; so that a few of them suffice, at most MAX_ANISOTROPY widths go to its
 // length. The twin in f64 is rust/core/src/texture/footprint.rs.
 #ifndef OOCPT_FOOTPRINT_GLSL
 #define OOCPT_FOOTPRINT_GLSL
@@ -13,9 +13,9 @@
 #include "abi/constants.glsl"
 
 // Limit of 1 / cos.
-const float SLANT_MOST = 1.0e4;
+const float MAX_SLANT = 1.0e4;
 // Below 2^126: Vulkan divides by no more, for the reciprocal may be flushed to 0.
-const float LONGEST_FOOTPRINT = 8.0e37;
+const float MAX_FOOTPRINT = 8.0e37;
 
 // The larger eigenvalue of a symmetric matrix with diagonal (a, c).
 float larger_eigenvalue(float a, float b, float c) {
@@ -51,7 +51,7 @@ uvec2 make_footprint(vec3 u, vec3 v, vec3 n, vec3 d) {
     // so that nothing is left along d. Their products are those of the rows of the map from the section, in any basis
     // of it.
     const float across = dot3(n, d);
-    const float least = sqrt(dot3(n, n)) * sqrt(dot3(d, d)) / SLANT_MOST;
+    const float least = sqrt(dot3(n, n)) * sqrt(dot3(d, d)) / MAX_SLANT;
     const float bounded = abs(across) > least ? across : (across < 0.0 ? -least : least);
     if (!(abs(bounded) > 0.0)) return uvec2(0u);
     const vec3 p = u - n * (dot3(u, d) / bounded);
@@ -59,7 +59,7 @@ uvec2 make_footprint(vec3 u, vec3 v, vec3 n, vec3 d) {
     const vec3 size = max(abs(p), abs(q));
     const float largest = max(size.x, max(size.y, size.z));
     if (!(largest > 0.0)) return uvec2(0u);
-    if (largest > LONGEST_FOOTPRINT) return pack_footprint(LONGEST_FOOTPRINT, vec2(1.0, 0.0), 1.0);
+    if (largest > MAX_FOOTPRINT) return pack_footprint(MAX_FOOTPRINT, vec2(1.0, 0.0), 1.0);
     const vec3 r = p / largest;
     const vec3 s = q / largest;
     const float a = dot3(r, r);
@@ -69,7 +69,7 @@ uvec2 make_footprint(vec3 u, vec3 v, vec3 n, vec3 d) {
     if (!(most > 0.0)) return uvec2(0u);
     const vec3 area = cross3(r, s);
     const vec2 direction = a >= c ? vec2(most - c, b) : vec2(b, most - a);
-    return pack_footprint(min(largest * sqrt(most), LONGEST_FOOTPRINT), direction, sqrt(dot3(area, area)) / most);
+    return pack_footprint(min(largest * sqrt(most), MAX_FOOTPRINT), direction, sqrt(dot3(area, area)) / most);
 }
 
 // Width of the filter, in texels of level 0, for a cone of width `cone`. `s` and `t`: the linear part of the map from
@@ -87,7 +87,7 @@ float footprint_width(uvec2 footprint, float cone, vec2 s, vec2 t, uvec2 size) {
     const vec2 l = q / largest;
     const float longer = sqrt(larger_eigenvalue(r.x * r.x + l.x * l.x, r.x * r.y + l.x * l.y, r.y * r.y + l.y * l.y));
     const float shorter = abs(r.x * l.y - r.y * l.x) / longer;
-    const float width = cone * length * (largest * max(shorter, longer / MOST_ANISOTROPY));
+    const float width = cone * length * (largest * max(shorter, longer / MAX_ANISOTROPY));
     return width > 0.0 ? width : 0.0;
 }
 

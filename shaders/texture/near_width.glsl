@@ -31,7 +31,7 @@ float near_lookup_width(vec3 e, vec3 f, vec2 at_e, vec2 at_f, vec3 d, float cone
     const float half_difference = 0.5 * (a - c);
     const float longer = sqrt(0.5 * (a + c) + sqrt(fma(half_difference, half_difference, b * b)));
     const float shorter = abs(area) * sqrt(dd) / longer;
-    const float least = longer / (MOST_ANISOTROPY * abs(across));
+    const float least = longer / (MAX_ANISOTROPY * abs(across));
     const float width = cone * sqrt(dd) * (shorter > least ? shorter : least);
     // True if squares of squares neither over- nor underflow, and nothing is NaN.
     const bool has_range = across * across > 1.0e-30 && a + c > 1.0e-16 && a + c < 1.0e17;

@@ -260,13 +260,13 @@ uint continue_lookup(uint texture, vec2 st, float width, inout TextureProgress p
 const vec4 UNKNOWN_TEXEL = vec4(0.5);
 
 uint requested_lookup(uint path, uint texture, vec2 st, float width, inout TextureProgress progress) {
-    uint said = continue_lookup(texture, st, width, progress);
-    while (said < TEXTURE_FALLBACK) {
-        request_tile(path, said);
+    uint status = continue_lookup(texture, st, width, progress);
+    while (status < TEXTURE_FALLBACK) {
+        request_tile(path, status);
         ++progress.taps;
-        said = continue_lookup(texture, st, width, progress);
+        status = continue_lookup(texture, st, width, progress);
     }
-    return said;
+    return status;
 }
 
 // With streaming the lookups of a path's material are numbered in the order in which it makes them, and the value of
@@ -287,15 +287,15 @@ const uint LOOKUPS_TAPS_SHIFT = 8u;      // of the one under way
 const uint LOOKUPS_FALLBACK_SHIFT = 16u; // a bit for each that gave the fallback
 
 // Other tiles that a material which waits will need: the first of each level of its lookups that is absent.
-const uint MOST_NOTED = MAX_PENDING - 1u;
-uint noted_units[MOST_NOTED];
+const uint MAX_NOTED = MAX_PENDING - 1u;
+uint noted_units[MAX_NOTED];
 uint noted_count;
 
 #ifdef NOTE_TILES
 // Notes a tile, unless it is resident, noted already, or is `but`.
 void note_tile(uint page, uint but) {
     const uint unit = page + STREAMING.first_tile;
-    bool known = unit == but || noted_count == MOST_NOTED || TexturePages(FRAME.texture_pages).v[page] != 0ul;
+    bool known = unit == but || noted_count == MAX_NOTED || TexturePages(FRAME.texture_pages).v[page] != 0ul;
     for (uint k = 0u; k < noted_count; ++k) known = known || noted_units[k] == unit;
     if (known) return;
     noted_units[noted_count] = unit;
@@ -359,15 +359,15 @@ vec4 kept_lookup(uint texture, vec2 st, float width, out uint missing_unit) {
     }
     TextureProgress progress = TextureProgress(vec4(0.0), (word >> LOOKUPS_TAPS_SHIFT) & 0xffu);
     if (progress.taps != 0u) progress.mean = ConstVec4s(STREAMING.resolved).v[at];
-    const uint said = continue_lookup(texture, st, width, progress);
+    const uint status = continue_lookup(texture, st, width, progress);
     Vec4s(STREAMING.resolved).v[at] = progress.mean;
     const uint others = word & ~0xffffu;
-    if (said >= TEXTURE_FALLBACK) {
-        missing_unit = said;
-        const uint fallback = said == TEXTURE_FALLBACK ? 1u << (LOOKUPS_FALLBACK_SHIFT + k) : 0u;
+    if (status >= TEXTURE_FALLBACK) {
+        missing_unit = status;
+        const uint fallback = status == TEXTURE_FALLBACK ? 1u << (LOOKUPS_FALLBACK_SHIFT + k) : 0u;
         Uints(STREAMING.resolve_progress).v[lookup_path] = others | fallback | (done + 1u);
     } else {
-        missing_unit = said + STREAMING.first_tile;
+        missing_unit = status + STREAMING.first_tile;
         Uints(STREAMING.resolve_progress).v[lookup_path] = others | progress.taps << LOOKUPS_TAPS_SHIFT | done;
         noted_count = 0u;
         note_tiles(texture, st, width, missing_unit);

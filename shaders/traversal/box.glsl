@@ -6,7 +6,7 @@
 
 #include "abi/constants.glsl"
 
-const float LARGEST = 3.402823466e38;
+const float MAX_FLOAT = 3.402823466e38;
 
 // No component counts as smaller than 2^-60 of the largest one: distances up to 1e20, in units of d, have a finite
 // product with the reciprocal, hence no infinity and no 0 * inf; and a ray leaves its line by at most 1e-18 of its
@@ -28,7 +28,7 @@ float hit_box(vec3 lower, vec3 upper, vec3 o_lower, vec3 o_upper, vec3 reciproca
     const vec3 leave = max(a, b);
     const float near = max(max(entry.x, entry.y), max(entry.z, 0.0));
     const float far = min(min(leave.x, leave.y), leave.z) * SLAB_PAD;
-    return near <= min(far, limit) && far <= LARGEST ? near : -1.0;
+    return near <= min(far, limit) && far <= MAX_FLOAT ? near : -1.0;
 }
 
 #endif

@@ -66,7 +66,7 @@ void store_progress(uint path, bool ended) {
 void end_ray(bool ended) {
     const uint path = walk.path;
     if (DEFERS_CUTOUTS) {
-        const bool unsure = ended && walk.unsure < LARGEST && walk.unsure <= found.t;
+        const bool unsure = ended && walk.unsure < MAX_FLOAT && walk.unsure <= found.t;
         PUSH_UNSURE(0u, unsure, found.t);
         if (unsure && walk.hit) store_hit(path);
         ended = ended && !unsure;

@@ -6,8 +6,9 @@
 // first gives another share of coverage (decisions/0058).
 //
 // In core lookups request their tiles as those of shading do. With streaming a program makes at most CUTOUT_LOOKUPS of
-// them; the finished ones are stored with the question, so that each tile lets it go on: the lookup under way is the
-// question, resolve_cutouts continues it, and the ray comes back and runs the program again with the stored values.
+// them; the finished ones are stored with the deferred test, so that each tile lets it go on: the lookup under way is
+// the deferred test, resolve_cutouts continues it, and the ray comes back and runs the program again with the stored
+// values.
 #ifndef OOCPT_CUTOUT_PROGRAM_GLSL
 #define OOCPT_CUTOUT_PROGRAM_GLSL
 
@@ -15,7 +16,7 @@
 uint cutout_made;
 uint cutout_known;
 vec4 cutout_values[CUTOUT_LOOKUPS];
-// The lookup that waits, as in a question.
+// The lookup that waits, as in a deferred test.
 DeferredAlphaTest cutout_wait;
 
 vec4 cutout_lookup(uint texture, vec2 st, float, out uint unit) {
@@ -31,12 +32,12 @@ vec4 cutout_lookup(uint texture, vec2 st, float, out uint unit) {
     if (k < cutout_known) return cutout_values[k];
     if (cutout_wait.unit != OWN_UNIT) return vec4(0.0); // another one waits
     TextureProgress progress = TextureProgress(vec4(0.0), 0u);
-    const uint said = continue_lookup(texture, st, width, progress);
+    const uint status = continue_lookup(texture, st, width, progress);
     cutout_values[k] = progress.mean;
-    if (said < TEXTURE_FALLBACK) {
-        const uint flags = QUESTION_OF_PROGRAM | k << QUESTION_LOOKUP_SHIFT | progress.taps;
+    if (status < TEXTURE_FALLBACK) {
+        const uint flags = ALPHA_TEST_OF_PROGRAM | k << ALPHA_TEST_LOOKUP_SHIFT | progress.taps;
         cutout_wait = DeferredAlphaTest(0.0, 0u, walk.chunk_instance, flags, progress.mean, texture, st, width, 1.0,
-                                        0.0, 0.0, STREAMING.first_tile + said);
+                                        0.0, 0.0, STREAMING.first_tile + status);
     }
     return progress.mean;
 }
@@ -109,8 +110,8 @@ bool is_cut_in_by_program(Presence presence, uint triangle, vec2 uv, float t, ui
     cutout_known = 0u;
     cutout_wait.unit = OWN_UNIT;
     if (HAS_STREAMING && is_same(answer_item, visited_item()) && t == answer.t && id == answer.id) {
-        const uint asked = (answer.flags >> QUESTION_LOOKUP_SHIFT) & 3u;
-        const uint64_t kept = question_values_address(QUESTIONS, walk.path);
+        const uint asked = (answer.flags >> ALPHA_TEST_LOOKUP_SHIFT) & 3u;
+        const uint64_t kept = deferred_values_address(ALPHA_TESTS, walk.path);
         for (uint i = 0u; i < asked; ++i) cutout_values[i] = ConstVec4s(kept).v[i];
         cutout_values[asked] = answer.mean;
         cutout_known = asked + 1u;
@@ -123,7 +124,7 @@ bool is_cut_in_by_program(Presence presence, uint triangle, vec2 uv, float t, ui
         cutout_wait.t = t;
         cutout_wait.id = id;
         if (ask(visited_item(), cutout_wait)) {
-            for (uint i = 0u; i < CUTOUT_LOOKUPS - 1u; ++i) question_values[i] = cutout_values[i];
+            for (uint i = 0u; i < CUTOUT_LOOKUPS - 1u; ++i) deferred_values[i] = cutout_values[i];
         }
         remember(visited_item());
         return false;

@@ -15,8 +15,8 @@ const uint SETTLE_PATH = SETTLE_HIT - 1u;
 
 void begin_unsure() {
     if (!DEFERS_CUTOUTS) return;
-    walk.unsure = LARGEST;
-    walk.next_unsure = LARGEST;
+    walk.unsure = MAX_FLOAT;
+    walk.next_unsure = MAX_FLOAT;
 }
 
 // Keeps the current candidate, which no mask decides.
@@ -33,7 +33,7 @@ void keep_candidate(uint triangle, vec2 uv, float t) {
 
 // Another thread has met a candidate that no mask decides: it is not kept, so the ray has to be walked again.
 void merge_unsure(float t) {
-    if (t == LARGEST) return;
+    if (t == MAX_FLOAT) return;
     walk.next_unsure = min(walk.next_unsure, max(walk.unsure, t));
     if (t <= walk.unsure) {
         walk.unsure = t;

@@ -17,7 +17,7 @@
 #include "traversal/stack.glsl"
 
 // Entry distance of a child that is not met.
-const float MISSED = LARGEST;
+const float MISSED = MAX_FLOAT;
 
 struct Node {
     vec3 scale; // distance along the ray from one plane of the grid to the next

@@ -86,17 +86,17 @@ bool is_opaque(uint triangle, vec2 uv, bool is_second) {
 
 // Returns true if the material makes the surface opaque for this ray. With streaming, if a tile of its texture is
 // absent, the ray skips the surface, requests the tile, and puts the item on the list of pending ones. Of such an item
-// only the nearest undecided cutout becomes a question; resolve_cutouts answers it, without the chunk and the mesh; the
-// ray comes back with the answer when these are resident. All nearer ones of the item are not there, or the ray would
-// have met them. So each tile or unit that is loaded, by itself, is progress for the ray.
+// only the nearest undecided cutout becomes a deferred test; resolve_cutouts answers it, without the chunk and the
+// mesh; the ray comes back with the answer when these are resident. All nearer ones of the item are not there, or the
+// ray would have met them. So each tile or unit that is loaded, by itself, is progress for the ray.
 bool is_cut_in(uint triangle, vec2 uv, float t, bool is_second) {
     uint above = walk.chunk_instance;
     for (uint i = 0u; i <= level_index(); ++i) above = hash_combine(above, chain[i]);
     const uint id = hash_combine(above, HAS_LEAF_KINDS && is_second ? triangle | SECOND_SURFACE : triangle);
     if (HAS_STREAMING && is_same(answer_item, visited_item())) {
         if (key_before(t, id, answer.t, answer.id)) return false;
-        if (t == answer.t && id == answer.id && (answer.flags & QUESTION_OF_PROGRAM) == 0u) {
-            return (answer.flags & QUESTION_PRESENT) != 0u;
+        if (t == answer.t && id == answer.id && (answer.flags & ALPHA_TEST_OF_PROGRAM) == 0u) {
+            return (answer.flags & ALPHA_TEST_PRESENT) != 0u;
         }
     }
     const Presence presence = presence_of(walk.pose, walk.mesh,
@@ -113,23 +113,23 @@ bool is_cut_in(uint triangle, vec2 uv, float t, bool is_second) {
         return is_cut_in_by_program(presence, triangle, uv, t, id, chance, limit);
     }
     TextureProgress progress = TextureProgress(HAS_STREAMING ? vec4(0.0) : UNKNOWN_TEXEL, 0u);
-    uint said = TEXTURE_FALLBACK;
+    uint status = TEXTURE_FALLBACK;
     if (presence.texture == NO_TEXTURE) {
         progress.mean = vec4(presence.bias);
     } else if (HAS_STREAMING) {
-        said = continue_lookup(presence.texture, presence.st, presence.width, progress);
+        status = continue_lookup(presence.texture, presence.st, presence.width, progress);
     } else {
-        said = requested_lookup(walk.path, presence.texture, presence.st, presence.width, progress);
+        status = requested_lookup(walk.path, presence.texture, presence.st, presence.width, progress);
     }
-    const uint flags = presence.channel << QUESTION_CHANNEL_SHIFT | (chance ? 0u : QUESTION_INCLUSIVE);
-    if (HAS_STREAMING && said < TEXTURE_FALLBACK) {
+    const uint flags = presence.channel << ALPHA_TEST_CHANNEL_SHIFT | (chance ? 0u : ALPHA_TEST_INCLUSIVE);
+    if (HAS_STREAMING && status < TEXTURE_FALLBACK) {
         ask(visited_item(), DeferredAlphaTest(t, id, walk.chunk_instance, flags | progress.taps, progress.mean,
                                                 presence.texture, presence.st, presence.width, presence.scale,
-                                                presence.bias, limit, STREAMING.first_tile + said));
+                                                presence.bias, limit, STREAMING.first_tile + status));
         remember(visited_item());
         return false;
     }
-    return is_there(progress.mean, said, presence.scale, presence.bias, flags, limit);
+    return is_there(progress.mean, status, presence.scale, presence.bias, flags, limit);
 }
 
 #endif

@@ -46,34 +46,34 @@ Item chunk_item(float entry, uint chunk_instance) {
 
 // Cutouts: the nearest one, in the item with the smallest key, that cannot be decided because a tile is absent (unit =
 // OWN_UNIT: there is none), and the answer that the ray came back with.
-DeferredAlphaTest question;
-Item question_item;
+DeferredAlphaTest deferred_test;
+Item deferred_item;
 DeferredAlphaTest answer;
 Item answer_item;
 
-// With CUTOUT_PROGRAMS: the values of the finished lookups of the question's program.
-vec4 question_values[CUTOUT_LOOKUPS - 1u];
+// With CUTOUT_PROGRAMS: the values of the finished lookups of the deferred test's program.
+vec4 deferred_values[CUTOUT_LOOKUPS - 1u];
 
-// Stores a question about an item; returns false if there is one about something before it.
+// Stores a deferred test about an item; returns false if there is one about something before it.
 bool ask(Item item, DeferredAlphaTest q) {
-    if (question.unit != OWN_UNIT) {
-        if (is_same(item, question_item)) {
-            if (!key_before(q.t, q.id, question.t, question.id)) return false;
-        } else if (!is_before(item, question_item)) {
+    if (deferred_test.unit != OWN_UNIT) {
+        if (is_same(item, deferred_item)) {
+            if (!key_before(q.t, q.id, deferred_test.t, deferred_test.id)) return false;
+        } else if (!is_before(item, deferred_item)) {
             return false;
         }
     }
-    question = q;
-    question_item = item;
+    deferred_test = q;
+    deferred_item = item;
     return true;
 }
 
 #if ANY_HIT
 #define PENDING_LISTS STREAMING.shadow_pending
-#define QUESTIONS STREAMING.shadow_questions
+#define ALPHA_TESTS STREAMING.shadow_alpha_tests
 #else
 #define PENDING_LISTS STREAMING.pending
-#define QUESTIONS STREAMING.questions
+#define ALPHA_TESTS STREAMING.alpha_tests
 #endif
 
 // Item `i` of a path's list in memory.
@@ -82,10 +82,10 @@ Item listed_item(uint path, uint i) {
                 PendingLists(PENDING_LISTS).v[path].record_entry[i], PendingLists(PENDING_LISTS).v[path].mesh[i]);
 }
 
-// The address of the values of the finished lookups of a path's question: behind all questions.
-uint64_t question_values_address(uint64_t questions, uint path) {
+// The address of the values of the finished lookups of a path's deferred test: behind all deferred tests.
+uint64_t deferred_values_address(uint64_t alpha_tests, uint path) {
     const uint64_t at = uint64_t(STREAMING.slots) * 64ul + uint64_t(path) * uint64_t(16u * (CUTOUT_LOOKUPS - 1u));
-    return questions + at;
+    return alpha_tests + at;
 }
 
 void remember(Item item) {
@@ -118,17 +118,17 @@ void forget_behind(float limit) {
     pending_count = kept;
 }
 
-// Returns true if the question is about the first item of the list: then it is kept.
-bool keeps_question() {
-    return HAS_CUTOUTS && question.unit != OWN_UNIT && is_same(question_item, pending[0]);
+// Returns true if the deferred test is about the first item of the list: then it is kept.
+bool keeps_alpha_test() {
+    return HAS_CUTOUTS && deferred_test.unit != OWN_UNIT && is_same(deferred_item, pending[0]);
 }
 
 void store_pending(uint path) {
-    if (keeps_question()) {
-        Questions(QUESTIONS).v[path] = question;
+    if (keeps_alpha_test()) {
+        DeferredAlphaTests(ALPHA_TESTS).v[path] = deferred_test;
         if (HAS_CUTOUT_PROGRAMS) {
-            const uint64_t kept = question_values_address(QUESTIONS, path);
-            for (uint i = 0u; i < CUTOUT_LOOKUPS - 1u; ++i) Vec4s(kept).v[i] = question_values[i];
+            const uint64_t kept = deferred_values_address(ALPHA_TESTS, path);
+            for (uint i = 0u; i < CUTOUT_LOOKUPS - 1u; ++i) Vec4s(kept).v[i] = deferred_values[i];
         }
     }
     for (uint i = 0u; i < pending_count; ++i) {
@@ -141,7 +141,7 @@ void store_pending(uint path) {
 
 uint pending_flags() {
     const uint waiting = pack_waiting(pending_count, pending_more);
-    return waiting == 0u ? 0u : waiting | (keeps_question() ? RAY_ASKED : 0u);
+    return waiting == 0u ? 0u : waiting | (keeps_alpha_test() ? RAY_ASKED : 0u);
 }
 
 // Returns true if a chunk instance is not behind that of the last of `count` items of the list in memory.

@@ -21,9 +21,9 @@ const uint KEEP_DESCENDING = 12u;
 // with those that it has: short walks end together.
 const uint KEEP_WALKING = 26u;
 const uint PATIENCE = 16u;
-// So many threads that wait at a cutout look it up; fewer do when fewer than LEAST_OTHERS have other work.
+// So many threads that wait at a cutout look it up; fewer do when fewer than MIN_OTHERS have other work.
 const uint ASK_TOGETHER = 16u;
-const uint LEAST_OTHERS = 2u;
+const uint MIN_OTHERS = 2u;
 
 void begin_ray(uint at);
 void end_ray(bool ended);
@@ -37,7 +37,7 @@ bool is_asking_time() {
     const uint asking = threads_that(reference == ASK);
     if (asking >= max(ASK_TOGETHER * gl_SubgroupSize / 32u, 1u)) return true;
     const uint others = threads_that(reference != ASK && reference != DONE);
-    return asking > 0u && others < max(LEAST_OTHERS * gl_SubgroupSize / 32u, 1u);
+    return asking > 0u && others < max(MIN_OTHERS * gl_SubgroupSize / 32u, 1u);
 }
 
 // `count`: rays in the queue. Call with all threads of the pass.

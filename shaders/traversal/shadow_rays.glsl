@@ -54,7 +54,7 @@ void store_progress(uint path, bool ended) {
 void end_ray(bool ended) {
     const uint path = walk.path;
     if (DEFERS_CUTOUTS) {
-        const bool unsure = ended && !walk.hit && walk.unsure < LARGEST;
+        const bool unsure = ended && !walk.hit && walk.unsure < MAX_FLOAT;
         PUSH_UNSURE(1u, unsure, ray_t_max(shadow_ray_address(path)));
         ended = ended && !unsure;
     }

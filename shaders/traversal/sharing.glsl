@@ -71,7 +71,7 @@ void hand_in() {
         handing &= handing - 1u;
         const uint to = subgroupShuffle(owner, from);
         const bool hit = subgroupShuffle(walk.hit, from);
-        const float unsure = DEFERS_CUTOUTS ? subgroupShuffle(walk.unsure, from) : LARGEST;
+        const float unsure = DEFERS_CUTOUTS ? subgroupShuffle(walk.unsure, from) : MAX_FLOAT;
         Found other;
 #if !ANY_HIT
         other.t = subgroupShuffle(found.t, from);

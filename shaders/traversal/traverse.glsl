@@ -351,10 +351,10 @@ void begin_walk(uint64_t ray, uint path, float t_max, uint seed, uint flags) {
         pending_count = 0u;
         pending_more = false;
         if (HAS_CUTOUTS) {
-            question.unit = OWN_UNIT;
+            deferred_test.unit = OWN_UNIT;
             answer_item = chunk_item(0.0, 0xffffffffu);
             if ((flags & RAY_ASKED) != 0u) {
-                answer = Questions(QUESTIONS).v[path];
+                answer = DeferredAlphaTests(ALPHA_TESTS).v[path];
                 answer_item = listed_item(path, 0u);
             }
         }

@@ -9,13 +9,13 @@
 #include "wavefront/wavefront.glsl"
 #include "texture/feedback.glsl"
 
-const float LARGEST = 3.0e38;
-const float LARGEST_HALF = 6e4;
+const float MAX_SQUARE = 3.0e38;
+const float MAX_HALF = 6e4;
 
 // The square root of a relative variance of the mean, times the root of the samples.
 float root(vec3 variance, vec3 mean, float samples) {
     const vec3 relative = variance / (mean * mean + FRAME.error_floor);
-    return min(LARGEST_HALF, sqrt(max(0.0, (relative.x + relative.y + relative.z) * (samples / 3.0))));
+    return min(MAX_HALF, sqrt(max(0.0, (relative.x + relative.y + relative.z) * (samples / 3.0))));
 }
 
 void say(uint stream, uint pixel, FilmPixel film) {
@@ -65,9 +65,9 @@ void main() {
         precise const vec3 m2 = film.m2 + square;
         precise const vec3 lost = (m2 - film.m2) - square;
         // Squares of radiances above 1e19 overflow: from there on the variance is the largest float.
-        const bvec3 fits = lessThan(m2, vec3(LARGEST));
+        const bvec3 fits = lessThan(m2, vec3(MAX_SQUARE));
         film.m2_compensation = mix(vec3(0.0), lost, fits);
-        film.m2 = mix(vec3(LARGEST), m2, fits);
+        film.m2 = mix(vec3(MAX_SQUARE), m2, fits);
         if (HAS_ADAPTIVE && film.samples >= 1u << ESTIMATE_FIRST && (film.samples & (film.samples - 1u)) == 0u) {
             say(stream, position.y * FRAME.width + position.x, film);
         }

@@ -31,11 +31,11 @@ uint pending_mesh(uint64_t pending, uint path, uint i) {
     return PendingLists(pending).v[path].mesh[i];
 }
 
-uint64_t question_list(bool is_shadow) {
-    return is_shadow ? STREAMING.shadow_questions : STREAMING.questions;
+uint64_t alpha_test_list(bool is_shadow) {
+    return is_shadow ? STREAMING.shadow_alpha_tests : STREAMING.alpha_tests;
 }
 
-// Returns true if the ray has a question about the first of its list.
+// Returns true if the ray has a deferred test about the first of its list.
 bool is_asked(uint path, bool is_shadow) {
     const uint64_t ray = is_shadow ? shadow_ray_address(path) : ray_address(path);
     return (ray_flags(ray) & RAY_ASKED) != 0u;
@@ -55,7 +55,7 @@ uint pending_tile(uint entry, uint path, uint i) {
     const bool is_shadow = (entry & SHADOW_BIT) != 0u;
     if ((entry & MATERIAL_BIT) != 0u) return PendingLists(STREAMING.pending).v[path].chunk_instance[i];
     if (!HAS_CUTOUTS || i != 0u || !is_asked(path, is_shadow)) return OWN_UNIT;
-    return Questions(question_list(is_shadow)).v[path].unit;
+    return DeferredAlphaTests(alpha_test_list(is_shadow)).v[path].unit;
 }
 
 // The unit that the i-th entry of a list waits for; of a chunk and a mesh the chunk, unless that is resident.
@@ -81,7 +81,7 @@ const uint NOT_READY = 0xffffffffu;
 
 // The sort key of a ray that goes on: its chunk, shadow rays behind all others, materials behind these. A closest ray
 // waits for the first of its units, a shadow ray for any, a material for the first. With cutouts a shadow ray too waits
-// for the first: its question is about that one.
+// for the first: its deferred test is about that one.
 uint ready_key(uint entry) {
     const bool is_shadow = (entry & SHADOW_BIT) != 0u;
     const uint path = path_of_entry(entry);
@@ -95,7 +95,7 @@ uint ready_key(uint entry) {
             if (!is_tile_resident(tile)) continue;
             return 2u * STREAMING.chunk_count + (tile - STREAMING.first_tile) % TILE_KEYS;
         }
-        // The question is not answered: resolve_cutouts will go on with it.
+        // The deferred test is not answered: resolve_cutouts will go on with it.
         if (tile != OWN_UNIT) continue;
         const uint64_t pending = pending_address(path, is_shadow);
         const uint chunk = pending_chunk(pending, path, i);

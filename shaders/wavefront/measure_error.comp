@@ -12,7 +12,7 @@
 #extension GL_GOOGLE_include_directive : require
 #include "wavefront/wavefront.glsl"
 
-const float LARGEST = 1e15; // what one pixel may count: squares of it, and sums of those, are floats
+const float MAX_ERROR = 1e15; // what one pixel may count: squares of it, and sums of those, are floats
 const float TRUST = 4.0; // squared standard errors by which a mean has to differ from its neighbours to be believed
 
 struct PixelError {
@@ -43,7 +43,7 @@ uint fewest_of(uint pixel) {
 
 float average(vec3 v) {
     // min() takes NaN away as well: it returns its first argument then.
-    return min(LARGEST, (v.x + v.y + v.z) * (1.0 / 3.0));
+    return min(MAX_ERROR, (v.x + v.y + v.z) * (1.0 / 3.0));
 }
 
 // Sum and sum of squares of the neighbours' means; returns their number.

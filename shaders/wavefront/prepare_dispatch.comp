@@ -9,9 +9,9 @@
 #extension GL_GOOGLE_include_directive : require
 #include "wavefront/wavefront.glsl"
 
-// Few rays get more threads than rays: up to SPREAD_TO in all, and up to MOST_SPREAD for one ray.
+// Few rays get more threads than rays: up to SPREAD_TO in all, and up to MAX_SPREAD for one ray.
 const uint SPREAD_TO = 1u << 17;
-const uint MOST_SPREAD = 4u;
+const uint MAX_SPREAD = 4u;
 
 IndirectArgs indirect(uint count) {
     const uint needed = (count + WORKGROUP_SIZE - 1u) / WORKGROUP_SIZE;
@@ -25,7 +25,7 @@ uint threads(IndirectArgs of) {
 
 // Threads for the walks of rays: more than rays where there are few, for they are shared (traversal/sharing.glsl).
 IndirectArgs walkers(uint rays, uint most) {
-    const uint spread = HAS_STREAMING ? 1u : clamp(SPREAD_TO / max(rays, 1u), 1u, MOST_SPREAD);
+    const uint spread = HAS_STREAMING ? 1u : clamp(SPREAD_TO / max(rays, 1u), 1u, MAX_SPREAD);
     return indirect(min(rays * spread, most));
 }
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Streaming with cutouts only. Goes on with the lookups that rays asked about, as far as tiles of textures are there:
 // one thread per deferred ray, WavefrontCounters::deferred_args. Reads: deferred, rays and shadow_rays (flags),
-// textures and tiles. Reads and writes: questions.
+// textures and tiles. Reads and writes: deferred tests.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "wavefront/wavefront.glsl"
@@ -17,16 +17,16 @@ void main() {
     const bool is_shadow = (entry & SHADOW_BIT) != 0u;
     const uint path = path_of_entry(entry);
     if ((entry & MATERIAL_BIT) != 0u || !is_asked(path, is_shadow)) return;
-    Questions questions = Questions(question_list(is_shadow));
-    const DeferredAlphaTest q = questions.v[path];
+    DeferredAlphaTests alpha_tests = DeferredAlphaTests(alpha_test_list(is_shadow));
+    const DeferredAlphaTest q = alpha_tests.v[path];
     if (q.unit == OWN_UNIT || !is_tile_resident(q.unit)) return;
-    TextureProgress progress = TextureProgress(q.mean, q.flags & QUESTION_TAPS);
-    const uint said = continue_lookup(q.texture, q.st, q.width, progress);
-    uint flags = (q.flags & ~QUESTION_TAPS) | progress.taps;
-    if (said >= TEXTURE_FALLBACK && is_there(progress.mean, said, q.scale, q.bias, flags, q.limit)) {
-        flags |= QUESTION_PRESENT;
+    TextureProgress progress = TextureProgress(q.mean, q.flags & ALPHA_TEST_TAPS);
+    const uint status = continue_lookup(q.texture, q.st, q.width, progress);
+    uint flags = (q.flags & ~ALPHA_TEST_TAPS) | progress.taps;
+    if (status >= TEXTURE_FALLBACK && is_there(progress.mean, status, q.scale, q.bias, flags, q.limit)) {
+        flags |= ALPHA_TEST_PRESENT;
     }
-    questions.v[path].mean = progress.mean;
-    questions.v[path].flags = flags;
-    questions.v[path].unit = said < TEXTURE_FALLBACK ? STREAMING.first_tile + said : OWN_UNIT;
+    alpha_tests.v[path].mean = progress.mean;
+    alpha_tests.v[path].flags = flags;
+    alpha_tests.v[path].unit = status < TEXTURE_FALLBACK ? STREAMING.first_tile + status : OWN_UNIT;
 }

@@ -20,10 +20,10 @@
 
 const int OTHERS = 8;             // samples of a pixel before and behind
 const float PRIOR_SAMPLES = 4.0;  // of the picture's mean
-const float PART = 1024.0;        // one in worth_sums
-const float MOST_PART = 16.0;     // what one ray may bring: more is worth a load
-const float MOST = 64.0;          // what it may add to its unit
-const float LEAST = 1.0;          // in 1 / WORTH_ONE
+const float SUM_ONE = 1024.0;        // one in worth_sums
+const float MAX_RAY_WORTH = 16.0;     // what one ray may bring: more is worth a load
+const float MAX_WORTH = 64.0;          // what it may add to its unit
+const float MIN_WORTH = 1.0;          // in 1 / WORTH_ONE
 
 float pixel_level(uint path) {
     const uvec2 position = pixel_position(path_pixel(path));
@@ -66,15 +66,15 @@ void main() {
         own = is_shadow ? 0.0 : factor * factor * max(ROULETTE.second_moment - ROULETTE.mean * ROULETTE.mean,
                                                       0.0) / squared;
     }
-    if (!(part >= 0.0 && part < MOST_PART)) {
+    if (!(part >= 0.0 && part < MAX_RAY_WORTH)) {
         atomicOr(Uints(STREAMING.worth).v[unit], WORTH_MUST);
         return;
     }
     const uint key = hash_u32(hash_combine(unit, path_pixel(path))) & (WORTH_SUMS - 1u);
-    const float before = float(atomicAdd(Uints(STREAMING.worth_sums).v[key], uint(part * PART + 0.5))) / PART;
+    const float before = float(atomicAdd(Uints(STREAMING.worth_sums).v[key], uint(part * SUM_ONE + 0.5))) / SUM_ONE;
     const float added = part * (2.0 * before + part) + own;
-    if (added < MOST) {
-        atomicAdd(Uints(STREAMING.worth).v[unit], uint(max(added * float(WORTH_ONE), LEAST)));
+    if (added < MAX_WORTH) {
+        atomicAdd(Uints(STREAMING.worth).v[unit], uint(max(added * float(WORTH_ONE), MIN_WORTH)));
     } else {
         atomicOr(Uints(STREAMING.worth).v[unit], WORTH_MUST);
     }

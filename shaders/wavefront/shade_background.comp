@@ -17,7 +17,7 @@ void shade(uint path) {
     bool met = false;
     if (ray.bounce == 0u) {
         PreviousVertex nowhere = PreviousVertex(Receiver(vec3(0.0), vec3(0.0)), 0u, vec3(0.0), 0.0);
-        const float t_end = HAS_CLIPPING ? min(ray.t_max, LARGEST) : LARGEST;
+        const float t_end = HAS_CLIPPING ? min(ray.t_max, MAX_FLOAT) : MAX_FLOAT;
         vec3 seen = HAS_LOCAL_LIGHTS ? lights_along(origin, ray.d, t_end, true, nowhere, met) : vec3(0.0);
         if (HAS_DOME && (FRAME.flags & FLAG_DOME_CAMERA_VISIBLE) != 0u) {
             seen += domes_behind(ray.d);
@@ -29,7 +29,7 @@ void shade(uint path) {
     const PathState state = load_path(path);
     const PreviousVertex from = load_previous_vertex(path, ray.o, state.pdf);
     vec3 sum = lights_at_infinity(ray.d, from);
-    if (HAS_LOCAL_LIGHTS) sum += lights_along(origin, ray.d, LARGEST, false, from, met);
+    if (HAS_LOCAL_LIGHTS) sum += lights_along(origin, ray.d, MAX_FLOAT, false, from, met);
     const vec3 contribution = clamp_contribution(path, state.throughput * sum, ray.bounce > 1u);
     const vec4 before = ConstVec4s(FRAME.radiance).v[path];
     Vec4s(FRAME.radiance).v[path] = vec4(before.xyz + contribution, before.w);

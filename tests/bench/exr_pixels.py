@@ -13,7 +13,7 @@ import numpy as np
 LINES = {0: 1, 2: 1, 3: 16}
 """Scan lines of a block by compression: none, ZIPS, ZIP."""
 TYPES = {1: np.dtype("<f2"), 2: np.dtype("<f4")}
-MOST = 1 << 28
+MAX_VALUES = 1 << 28
 """Values of a picture at most: a file says how large it is before it is."""
 
 
@@ -53,7 +53,7 @@ def _pixels(data: bytes, header: dict[str, bytes], at: int) -> np.ndarray:
     left, top, right, bottom = struct.unpack("<4i", header["dataWindow"])
     width, height, kind = right - left + 1, bottom - top + 1, header["compression"][0]
     channels = _channels(header["channels"])
-    if width < 1 or height < 1 or width * height * len(channels) > MOST:
+    if width < 1 or height < 1 or width * height * len(channels) > MAX_VALUES:
         raise ValueError(f"{width} x {height} pixels")
     size = width * sum(dtype.itemsize for _, dtype in channels)
     made = np.zeros((height, width, 3))

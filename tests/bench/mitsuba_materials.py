@@ -22,7 +22,7 @@ SMOOTH = 0.03
 """Roughness below which a clear surface is smooth."""
 ROUGH = 0.8
 """Roughness from which a dielectric without a coat is `diffuse`."""
-LEAST_IOR = 1.05
+MIN_IOR = 1.05
 """Of `principled`."""
 PREVIEW = {
     "diffuseColor": (0.18, 0.18, 0.18), "emissiveColor": (0.0, 0.0, 0.0), "useSpecularWorkflow": 0, "metallic": 0.0,
@@ -236,7 +236,7 @@ def principled(color, metallic, roughness, ior: float, coat, coat_roughness: flo
         return {"type": "diffuse", "reflectance": texture(color)}
     made = {
         "type": "principled", "base_color": texture(color), "metallic": texture(metallic),
-        "roughness": texture(roughness), "eta": max(float(ior), LEAST_IOR),
+        "roughness": texture(roughness), "eta": max(float(ior), MIN_IOR),
     }  # fmt: skip
     if is_coated:
         made |= {"clearcoat": texture(coat), "clearcoat_gloss": _gloss(coat_roughness)}

@@ -18,7 +18,7 @@ import subprocess
 import sys
 import time
 
-LEAST_LLVM = 17
+MIN_LLVM = 17
 AT_ONCE = 1 << 24
 """Samples of a launch."""
 
@@ -30,7 +30,7 @@ def tell(**said) -> None:
 def llvm(listed: str) -> str | None:
     """The newest usable libLLVM in what `ldconfig -p` lists; older ones end the process."""
     found = re.findall(r"libLLVM(?:-|\.so\.)(\d+)\S* .*=> (\S+)", listed)
-    usable = [(int(version), path) for version, path in found if int(version) >= LEAST_LLVM]
+    usable = [(int(version), path) for version, path in found if int(version) >= MIN_LLVM]
     return max(usable)[1] if usable else None
 
 

@@ -20,8 +20,8 @@ import time
 from dataclasses import dataclass, field
 
 MIB = 1 << 20
-LONGEST_LOG = 1 << 20
-LONGEST_REPORT = 64 << 20
+MAX_LOG_BYTES = 1 << 20
+MAX_REPORT_BYTES = 64 << 20
 MESSAGES = 4
 
 
@@ -159,7 +159,7 @@ def watched(command: list[str], environment: dict[str, str], limit: float, folde
 def messages_of(log: pathlib.Path) -> list[str]:
     """The first lines that warn or tell of an error, and the last line."""
     with open(log, "rb") as said:
-        text = said.read(LONGEST_LOG).decode(errors="replace")
+        text = said.read(MAX_LOG_BYTES).decode(errors="replace")
     lines = [line.strip()[:400] for line in text.splitlines() if line.strip()]
     bad = [line for line in lines if re.search("warning|error|panic|left out|cannot", line, re.IGNORECASE)]
     return list(dict.fromkeys(bad[:MESSAGES] + bad[-1:]))
@@ -171,7 +171,7 @@ def report_of(path: pathlib.Path) -> dict:
     made: dict = {}
     try:
         with open(path, "rb") as file:
-            lines = file.read(LONGEST_REPORT).splitlines()
+            lines = file.read(MAX_REPORT_BYTES).splitlines()
     except OSError:
         return made
     for line in lines:

@@ -34,7 +34,7 @@ def RectLight "Lamp" {{
 }}
 """
 SETTINGS = {"oocpt:samplesPerPixel": 64, "oocpt:maxBounces": 1}
-TOLD = "samples are not finite"
+MESSAGE = "samples are not finite"
 
 
 def test_non_finite_samples_are_dropped_with_one_warning(host):
@@ -42,13 +42,13 @@ def test_non_finite_samples_are_dropped_with_one_warning(host):
         picture = view.render()
         dropped = view.stats()["oocpt:nonFiniteSamples"]
         assert np.isfinite(picture["color"]).all() and 64 < dropped <= 64 * 64 * 2, dropped
-        told = [line for line in picture.log.splitlines() if TOLD in line]
-        assert len(told) == 1 and f"{dropped} {TOLD}" in told[0] and "is 8, 16 from the lower left" in told[0], told
+        told = [line for line in picture.log.splitlines() if MESSAGE in line]
+        assert len(told) == 1 and f"{dropped} {MESSAGE}" in told[0] and "is 8, 16 from the lower left" in told[0], told
         # Hosts begin anew at each edit: that is no other warning.
         view.edit("stage.GetPrimAtPath('/Lamp').GetAttribute('inputs:width').Set(30)")
-        assert TOLD not in view.render().log
+        assert MESSAGE not in view.render().log
         view.edit("stage.GetPrimAtPath('/Lamp').GetAttribute('inputs:intensity').Set(1)")
-        assert TOLD not in view.render().log
+        assert MESSAGE not in view.render().log
         assert view.stats()["oocpt:nonFiniteSamples"] == 0
         view.edit("stage.GetPrimAtPath('/Lamp').GetAttribute('inputs:intensity').Set(3e38)")
-        assert TOLD in view.render().log
+        assert MESSAGE in view.render().log

@@ -15,11 +15,11 @@ from parts import ball, box, camera, distant, dome, instancer, turned
 AOVS = ["color", "depth", "primId", "instanceId", "elementId"]
 SETTINGS = {"oocpt:samplesPerPixel": 2, "oocpt:maxBounces": 2, "oocpt:seed": 5, "oocpt:chunkSize": 16}
 SIZE = (28, 28)
-SMALLEST = "smallest"
+MIN_BUDGET = "smallest"
 # Every policy at one budget in between and at the smallest; the budgets between under one policy.
 RUNS = [
-    (50, "benefit"), (25, "benefit"), (25, "priority"), (25, "sweep"), (SMALLEST, "benefit"), (SMALLEST, "priority"),
-    (SMALLEST, "sweep"),
+    (50, "benefit"), (25, "benefit"), (25, "priority"), (25, "sweep"), (MIN_BUDGET, "benefit"),
+    (MIN_BUDGET, "priority"), (MIN_BUDGET, "sweep"),
 ]
 
 
@@ -110,7 +110,7 @@ def assert_within_budget(stats, kib, is_smallest):
 
 
 def budget_kib(stats, smallest, share) -> int:
-    return smallest if share == SMALLEST else max(smallest, stats["oocpt:sceneBytes"] * share // 100 >> 10)
+    return smallest if share == MIN_BUDGET else max(smallest, stats["oocpt:sceneBytes"] * share // 100 >> 10)
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -126,7 +126,7 @@ def test_same_bits_at_every_budget_under_every_policy(host, whole, name):
             text, SIZE, aovs=AOVS, settings=SETTINGS | {"oocpt:geometryBudget": kib, "oocpt:policy": policy}
         ) as view:
             picture = view.render()
-            assert_within_budget(view.stats(), kib, share == SMALLEST)
+            assert_within_budget(view.stats(), kib, share == MIN_BUDGET)
         compare.same_picture(picture, expected, f"{name}, {kib} KiB, {policy}")
 
 

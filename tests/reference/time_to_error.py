@@ -50,7 +50,7 @@ import numpy as np  # noqa: E402
 SEEDS = 3
 PROBE = 16
 """Samples that tell how long a reference will take."""
-LARGEST_WARM_UP = 1024
+MAX_WARM_UP_SAMPLES = 1024
 """Samples: counts above this are only rendered as references."""
 SAMPLER = "multijitter"
 """Mitsuba's own stratified sampler: less noise than its independent one, which is what it takes without being told."""
@@ -140,7 +140,7 @@ class Mitsuba:
 
     def render(self, samples: int, seed: int) -> tuple[np.ndarray, float, float]:
         # A reference is not timed: it is large enough to be its own warm-up.
-        if samples not in self._warm and samples <= LARGEST_WARM_UP:
+        if samples not in self._warm and samples <= MAX_WARM_UP_SAMPLES:
             self._to.render(self._scene, samples, 77)
             self._warm.add(samples)
         start, before = time.monotonic(), cpu_seconds()

@@ -26,7 +26,7 @@ class Stage(Protocol):
 
 
 Scene: TypeAlias = str | os.PathLike[str] | Stage
-_LARGEST = 65_535
+_MAX_SIDE = 65_535
 _NO_DRIVER = "no usable Vulkan device"
 # Of what a process said, for an error's text.
 _LINES = 8
@@ -129,8 +129,8 @@ def usdrecord(arguments: Iterable[str | os.PathLike[str]]) -> list[str]:
 
 
 def _check_size(pixels: int) -> None:
-    if not 1 <= int(pixels) <= _LARGEST:
-        raise ValueError(f"a side of {pixels} pixels; from 1 to {_LARGEST} are possible")
+    if not 1 <= int(pixels) <= _MAX_SIDE:
+        raise ValueError(f"a side of {pixels} pixels; from 1 to {_MAX_SIDE} are possible")
 
 
 def _text(value: object) -> str:

@@ -43,7 +43,7 @@ floats! {
     /// Squared cosine below which a triangle counts as seen along its plane.
     GRAZING = 1.0e-4;
     /// Largest ratio of the length of a lookup's ellipse to the width of its filter.
-    MOST_ANISOTROPY = 16.0;
+    MAX_ANISOTROPY = 16.0;
     /// Surfaces with less roughness count as sharp.
     SHARP_ROUGHNESS = 0.01;
     /// Stands in place of the offset of a fibre, which is in -1..1: its normal gives the position.

@@ -72,9 +72,9 @@ shared! {
         pub surface_materials: u64,
         /// [`DeferredAlphaTest`] per slot, of the closest ray. 16-byte aligned; 0 without `Features::CUTOUTS`, as the
         /// next.
-        pub questions: u64,
+        pub alpha_tests: u64,
         /// Deferred alpha test of the shadow ray, per slot.
-        pub shadow_questions: u64,
+        pub shadow_alpha_tests: u64,
         /// u32 per slot: paths whose material is to be resolved; this and the next two are 0 without
         /// `Features::TEXTURES`.
         pub resolve_queue: u64,

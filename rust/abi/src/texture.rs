@@ -82,9 +82,9 @@ shared! {
         /// u32 each: numbers of tiles, in any order.
         pub wanted: u64,
         /// Number of elements of `wanted`.
-        pub wanted_capacity: u32,
+        pub request_capacity: u32,
         /// Number of tiles that were requested; `wanted` has no more than its capacity.
-        pub wanted_count: u32,
+        pub request_count: u32,
         /// Not 0 if a path lacked a tile.
         pub is_incomplete: u32,
         /// Padding; 0.

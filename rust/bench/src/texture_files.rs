@@ -44,7 +44,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_enum, value_delimiter = ',', default_value = "jpeg,png,tiff,exr")]
     formats: Vec<FileKind>,
     /// Files of a UDIM set on as many quads; 1 = a single file.
-    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=i64::from(scene::MOST_MEMBERS)))]
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=i64::from(scene::MAX_MEMBERS)))]
     udim: u32,
     /// Folder for files, scenes and caches; files that are there are reused.
     #[arg(long)]

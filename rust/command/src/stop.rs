@@ -157,8 +157,8 @@ fn end_at_once() -> ! {
 
 fn tell(programs: &[Pid], signal: Signal) {
     for id in programs {
-        let told = kill_process(*id, signal);
-        tracing::debug!(?id, ?signal, ?told, "a program is to end");
+        let killed = kill_process(*id, signal);
+        tracing::debug!(?id, ?signal, ?killed, "a program is to end");
     }
 }
 

@@ -7,9 +7,9 @@
 use serde::{Deserialize, Serialize};
 
 /// Largest number of primvars that are listed by name: names come from scenes of strangers.
-pub const MOST_PRIMVARS: usize = 64;
+pub const MAX_PRIMVARS: usize = 64;
 /// Longest name of a primvar that is listed, characters.
-const LONGEST_NAME: usize = 80;
+const MAX_NAME_CHARS: usize = 80;
 
 /// The parts that a render was made of, and those that were left out.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -21,7 +21,7 @@ pub struct RenderInventory {
     pub passes: Vec<PassUse>,
     /// Buffers and tables by name.
     pub buffers: Vec<BufferUse>,
-    /// Authored primvars by name, at most [`MOST_PRIMVARS`].
+    /// Authored primvars by name, at most [`MAX_PRIMVARS`].
     pub primvars: Vec<PrimvarUse>,
     /// Further names of primvars, not listed.
     #[serde(default)]
@@ -142,14 +142,14 @@ impl RenderInventory {
         }
     }
 
-    /// Sets the primvars: those with most bytes first, at most [`MOST_PRIMVARS`], names cut short.
+    /// Sets the primvars: those with most bytes first, at most [`MAX_PRIMVARS`], names cut short.
     pub fn set_primvars(&mut self, mut primvars: Vec<PrimvarUse>) {
         let weight = |primvar: &PrimvarUse| primvar.bytes.saturating_add(primvar.saved);
         primvars.sort_by(|a, b| weight(b).cmp(&weight(a)).then_with(|| a.name.cmp(&b.name)));
-        self.more_primvars = primvars.len().saturating_sub(MOST_PRIMVARS) as u64;
-        primvars.truncate(MOST_PRIMVARS);
+        self.more_primvars = primvars.len().saturating_sub(MAX_PRIMVARS) as u64;
+        primvars.truncate(MAX_PRIMVARS);
         for primvar in &mut primvars {
-            primvar.name = primvar.name.chars().filter(|c| !c.is_control()).take(LONGEST_NAME).collect();
+            primvar.name = primvar.name.chars().filter(|c| !c.is_control()).take(MAX_NAME_CHARS).collect();
         }
         self.primvars = primvars;
     }

@@ -20,7 +20,7 @@ use crate::memory::range_memory::RangeMemory;
 use crate::submit::open_device::{BudgetWait, OpenDevice};
 
 /// Size of the smallest arena that is worth having if the budget is short.
-const SMALLEST_ARENA: u64 = 64 << 10;
+const MIN_ARENA_BYTES: u64 = 64 << 10;
 
 /// Device memory cut into ranges. Dropping it leaves its ranges valid.
 #[derive(Debug)]
@@ -106,8 +106,8 @@ impl Heap {
     pub fn with_options(gpu: &Arc<Gpu>, name: &str, options: HeapOptions) -> Result<Self, GpuError> {
         let (opened, device) = (gpu.opened(), gpu.device());
         device.check_alive()?;
-        let most = device.limits.max_allocation_bytes.max(SMALLEST_ARENA) / GRANULE * GRANULE;
-        let mut arena_bytes = (options.arena_bytes / GRANULE * GRANULE).clamp(SMALLEST_ARENA, most);
+        let most = device.limits.max_allocation_bytes.max(MIN_ARENA_BYTES) / GRANULE * GRANULE;
+        let mut arena_bytes = (options.arena_bytes / GRANULE * GRANULE).clamp(MIN_ARENA_BYTES, most);
         let mut largest_shared = arena_bytes / 2;
         if options.whole_arenas {
             arena_bytes = size_class_below(arena_bytes);
@@ -196,7 +196,7 @@ impl Heap {
     pub fn reserve(&self, bytes: u64) -> Result<u64, GpuError> {
         self.opened.device.check_alive()?;
         let mut size = bytes.min(self.opened.device.limits.max_allocation_bytes) / GRANULE * GRANULE;
-        while size >= SMALLEST_ARENA {
+        while size >= MIN_ARENA_BYTES {
             match self.block(&self.name, size, BudgetWait::Now) {
                 Ok(block) => {
                     self.arenas.add_first(block, size);
@@ -267,7 +267,7 @@ impl Heap {
         let mut size = self.arena_bytes;
         // In a smaller arena the same share of the size is usable as in a full one.
         let share = self.arena_bytes / self.largest_shared;
-        while size / share >= bytes && size >= SMALLEST_ARENA {
+        while size / share >= bytes && size >= MIN_ARENA_BYTES {
             match self.block(&self.name, size, BudgetWait::Now) {
                 Ok(block) => return Ok(self.arenas.grow(block, size, bytes)),
                 Err(GpuError::OutOfMemory { .. }) => size = size / 2 / GRANULE * GRANULE,

@@ -119,7 +119,7 @@ pub fn translate(network: &Network, library: &NodeLibrary) -> TranslatedNetwork 
     let rest: Vec<Val> =
         lowered.inputs.iter().zip(&inputs).filter(|(_, known)| known.is_none()).map(|(v, _)| *v).collect();
     let textures = inputs.iter().flatten().filter(|input| matches!(input, InputSource::Texture(..))).count();
-    assembler.most_lookups = MAX_LOOKUPS.min(MOST_TEXTURES.saturating_sub(textures));
+    assembler.most_lookups = MAX_LOOKUPS.min(MAX_TEXTURES.saturating_sub(textures));
     let registers = assembler.compile(&rest);
     if let Err(what) = &registers {
         problems.push(format!("the patterns have {what}: values in their middle stand for them"));
@@ -247,7 +247,7 @@ impl Val {
 }
 
 /// Most lookups of a material: a path keeps a bit for each of sixteen, and one is a light's.
-const MOST_TEXTURES: usize = 15;
+const MAX_TEXTURES: usize = 15;
 
 pub(crate) struct ProgramAssembler<'a> {
     /// Most lookups of the program.

@@ -8,7 +8,7 @@ use std::fmt::Write as _;
 use crate::program::{Geometry, Instruction, Op, Operand, Program, REGISTERS};
 
 /// Longest formula that is written inside of another one, bytes; a longer one gets a line of its own.
-const LONGEST_INLINE: usize = 64;
+const MAX_INLINE_BYTES: usize = 64;
 
 /// The cost of a program for each hit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -103,7 +103,7 @@ pub fn formulas(program: &Program, roots: &[u8], names: &dyn ListingNames) -> (V
         });
         let text = call(program, instruction, &operands, names);
         let is_plain = instruction.op == Op::Surface;
-        if is_plain || readers[at] <= 1 && text.len() <= LONGEST_INLINE {
+        if is_plain || readers[at] <= 1 && text.len() <= MAX_INLINE_BYTES {
             texts.push(text);
         } else {
             lines.push(format!("v{} = {text}", lines.len() + 1));

@@ -67,7 +67,7 @@ pub struct MaterialUses {
 
 impl MaterialUses {
     /// Most sets of texture coordinates, and most other primvars.
-    pub const MOST: usize = 2;
+    pub const MAX_SETS: usize = 2;
     /// Name of the point in the frame of the mesh, which every mesh has.
     pub const POSITION: &'static str = "object position";
     /// Name of the normal in the frame of the mesh, which every mesh has.
@@ -79,13 +79,13 @@ impl MaterialUses {
     /// Name of the position of a hit across a ribbon's width, -1 to 1; nothing else has it.
     pub const ACROSS: &'static str = "ribbon across";
     /// Most lookups before unused ones are left out.
-    const MOST_LOOKUPS: usize = 64;
+    const MAX_LOOKUPS: usize = 64;
 
     pub(crate) fn uv_set(&mut self, name: &str) -> Option<usize> {
         if let Some(known) = self.uv_sets.iter().position(|set| &**set == name) {
             return Some(known);
         }
-        if self.uv_sets.len() >= Self::MOST {
+        if self.uv_sets.len() >= Self::MAX_SETS {
             return None;
         }
         self.uv_sets.push(name.into());
@@ -96,7 +96,7 @@ impl MaterialUses {
         if let Some(known) = self.primvars.iter().position(|primvar| &*primvar.name == name) {
             return Some(known);
         }
-        if self.primvars.len() >= Self::MOST {
+        if self.primvars.len() >= Self::MAX_SETS {
             return None;
         }
         self.primvars.push(MaterialPrimvar { name: name.into(), fallback });
@@ -114,7 +114,7 @@ impl MaterialUses {
         if let Some(known) = self.lookups.iter().position(|known| *known == lookup) {
             return u16::try_from(known).ok();
         }
-        if self.lookups.len() >= Self::MOST_LOOKUPS {
+        if self.lookups.len() >= Self::MAX_LOOKUPS {
             return None;
         }
         self.lookups.push(lookup);

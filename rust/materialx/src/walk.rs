@@ -18,7 +18,7 @@ use crate::value::{FileRef, PortType, PortValue};
 /// Most nodes that are visited.
 const MAX_STEPS: usize = 1 << 14;
 /// Most lines about unsupported parts.
-const MOST_PROBLEMS: usize = 64;
+const MAX_PROBLEMS: usize = 64;
 /// Longest chain of nodes.
 const MAX_DEPTH: usize = 128;
 
@@ -108,7 +108,7 @@ impl<'a> NetworkWalker<'a> {
 
     /// Notes an unsupported part, once.
     pub(crate) fn problem(&mut self, text: String) {
-        if self.problems.len() < MOST_PROBLEMS && !self.problems.contains(&text) {
+        if self.problems.len() < MAX_PROBLEMS && !self.problems.contains(&text) {
             self.problems.push(text);
         }
     }
@@ -153,8 +153,8 @@ impl<'a> NetworkWalker<'a> {
         {
             // The name of a definition has priority over the name of the element: `ramp_gradient` has an `ifgreater`
             // that is defined by `ND_ifgreatereq_color4I`. So does one of the namespace.
-            let is_told = node.definition.is_some() || node.namespace.is_some();
-            let named = if is_told { self.library.matching(node) } else { None };
+            let is_named = node.definition.is_some() || node.namespace.is_some();
+            let named = if is_named { self.library.matching(node) } else { None };
             return Arc::clone(named.map_or(&node.category, |definition| &definition.category));
         }
         if let Some(definition) = self.definition(at) {
@@ -302,8 +302,8 @@ impl<'a> NetworkWalker<'a> {
     /// The type of an input.
     pub(crate) fn input_type(&self, at: NodeAddress, name: &str) -> PortType {
         let found = self.definition(at).and_then(|definition| definition.input(name).map(|input| input.ty));
-        let said = || self.graph_node(at)?.inputs.iter().find(|input| &*input.name == name).map(|input| input.ty);
-        found.or_else(said).unwrap_or(PortType::Other)
+        let declared = || self.graph_node(at)?.inputs.iter().find(|input| &*input.name == name).map(|input| input.ty);
+        found.or_else(declared).unwrap_or(PortType::Other)
     }
 
     /// A node of a graph that implements another one.
@@ -404,7 +404,7 @@ impl<'a> NetworkWalker<'a> {
             None => {
                 self.problem(format!(
                     "more than {} sets of texture coordinates: {name} is left out",
-                    MaterialUses::MOST
+                    MaterialUses::MAX_SETS
                 ));
                 Val::ZERO
             }
@@ -416,7 +416,7 @@ impl<'a> NetworkWalker<'a> {
         match self.uses.primvar(name, fallback) {
             Some(slot) => self.expressions.geometry(if slot == 0 { Geometry::Primvar0 } else { Geometry::Primvar1 }),
             None => {
-                self.problem(format!("more than {} primvars: {name} is left out", MaterialUses::MOST));
+                self.problem(format!("more than {} primvars: {name} is left out", MaterialUses::MAX_SETS));
                 Val::Constant(fallback)
             }
         }

@@ -7,7 +7,7 @@ use flate2::{Decompress, FlushDecompress, Status};
 use crate::{MAX_BYTES, PtexError, ReadAt};
 
 /// Largest ratio of deflate: a match of 258 bytes in two bits.
-const MOST_RATIO: u64 = 1032;
+const MAX_RATIO: u64 = 1032;
 
 /// The file, and its length when it was opened.
 pub(crate) struct FileBytes {
@@ -102,7 +102,7 @@ pub(crate) fn check_table(part: StoredPart, bytes: u64) -> Result<(), PtexError>
 /// Fails if no stream of this length inflates to `bytes`.
 pub(crate) fn check_ratio(part: StoredPart, bytes: u64) -> Result<(), PtexError> {
     let StoredPart { name, stored, .. } = part;
-    if bytes > stored.saturating_mul(MOST_RATIO) {
+    if bytes > stored.saturating_mul(MAX_RATIO) {
         return Err(PtexError::ImpossibleSize { part: name, bytes, stored });
     }
     Ok(())

@@ -11,11 +11,11 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Most tiles that are requested at a time; the rest is requested again by a later wave.
-const MOST_WANTED: u32 = 1 << 14;
+const MAX_REQUESTED_TILES: u32 = 1 << 14;
 /// Copies that may be under way; waves in flight are two.
 const COPIES: usize = 4;
 /// Offset of the copied range, which begins with the last four words of the block.
-const COUNTS: u64 = offset_of!(TextureFeedback, wanted_capacity) as u64;
+const COUNTS: u64 = offset_of!(TextureFeedback, request_capacity) as u64;
 /// Bytes of the copied words; the list follows.
 const COUNT_BYTES: u64 = size_of::<TextureFeedback>() as u64 - COUNTS;
 
@@ -39,12 +39,17 @@ impl FeedbackBuffers {
     pub(crate) fn new(gpu: &Arc<Gpu>, tiles: usize, incomplete_paths: u64) -> Result<Self, GpuError> {
         let device = |name: &str, bytes: u64| Buffer::new(gpu, name, bytes, BufferUsage::Device);
         let readback = |_| {
-            Buffer::new(gpu, "texture feedback copy", COUNT_BYTES + u64::from(MOST_WANTED) * 4, BufferUsage::Readback)
+            Buffer::new(
+                gpu,
+                "texture feedback copy",
+                COUNT_BYTES + u64::from(MAX_REQUESTED_TILES) * 4,
+                BufferUsage::Readback,
+            )
         };
         Ok(Self {
             block: device("texture feedback", size_of::<TextureFeedback>() as u64)?,
             requested: device("requested tiles", (tiles.div_ceil(32) as u64 * 4).max(16))?,
-            wanted: device("wanted tiles", u64::from(MOST_WANTED) * 4)?,
+            wanted: device("wanted tiles", u64::from(MAX_REQUESTED_TILES) * 4)?,
             copies: (0..COPIES).map(readback).collect::<Result<_, _>>()?,
             next: AtomicUsize::new(0),
             incomplete_paths,
@@ -74,7 +79,7 @@ impl FeedbackBuffers {
             requested: self.requested.address(),
             incomplete_paths: self.incomplete_paths,
             wanted: self.wanted.address(),
-            wanted_capacity: MOST_WANTED,
+            request_capacity: MAX_REQUESTED_TILES,
             ..TextureFeedback::default()
         };
         commands.concurrent(|c| {

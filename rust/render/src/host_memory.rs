@@ -41,7 +41,7 @@ const IMAGES: u64 = 512 << 20;
 const IMAGES_SHARE: u64 = 8;
 /// Of a budget that cannot hold what must stay in host memory, one part in so many is still given to the other users:
 /// data in transit needs some memory.
-const LEAST_SHARE: u64 = 8;
+const MIN_SHARE: u64 = 8;
 /// Sorting placements may take one part in so many of what is left; kept meshes may take half of that.
 const SORTING_SHARE: u64 = 4;
 
@@ -91,7 +91,7 @@ pub(crate) fn of_commit(settings: &Settings, fixed: u64, has_rendered: bool) -> 
 
 /// The part of a budget that is left beside fixed bytes and images.
 fn left(settings: &Settings, budget: u64, fixed: u64) -> u64 {
-    budget.saturating_sub(fixed).saturating_sub(images(settings)).max(budget / LEAST_SHARE)
+    budget.saturating_sub(fixed).saturating_sub(images(settings)).max(budget / MIN_SHARE)
 }
 
 /// The bytes of host memory that a scene takes, by user.

@@ -166,10 +166,10 @@ passes! {
         "`film`" => "`ErrorSums` of each workgroup, behind the film";
     /// Resolves the film to the picture.
     Resolve = RESOLVE, When::ALWAYS, Direct("`width * height`"), "`film`" => "`color`";
-    /// Answers the questions about cutouts that rays left.
+    /// Answers the deferred tests about cutouts that rays left.
     ResolveCutouts = RESOLVE_CUTOUTS, When::with(TEXTURES.union(Features::CUTOUTS)),
         Indirect(WavefrontCounters::DEFERRED_ARGS),
-        "`deferred`, textures" => "`questions`";
+        "`deferred`, textures" => "`alpha_tests`";
     /// Counts the waiting rays that may go on, by chunk.
     SortDeferredCount = SORT_DEFERRED_COUNT, When::with(STREAMING), Indirect(WavefrontCounters::DEFERRED_ARGS),
         "`deferred`, pending lists, chunks, meshes" => "adds to `sort_counts`";

@@ -25,13 +25,13 @@ fn is_covered(coverage: u8, is_chance: bool, of_aovs: bool, chance: impl FnOnce(
 
 impl<const ANY_HIT: bool> RayTraversal<'_, '_, ANY_HIT> {
     /// The deferred alpha test that is stored with the items that the ray waits for: one about the first of its list.
-    pub(crate) fn kept_question(&self) -> Option<&DeferredAlphaTest> {
-        self.asking.question_about(self.pending.items().first()?)
+    pub(crate) fn kept_alpha_test(&self) -> Option<&DeferredAlphaTest> {
+        self.deferred_tests.test_of(self.pending.items().first()?)
     }
 
     /// The flags of a ray that waits for the pending items (`pending_flags`).
     pub(crate) fn waiting_flags(&self) -> u32 {
-        let asked = self.kept_question().map_or(RayFlags::empty(), |_| RayFlags::ASKED);
+        let asked = self.kept_alpha_test().map_or(RayFlags::empty(), |_| RayFlags::ASKED);
         self.pending.flags() | asked.bits()
     }
 
@@ -42,7 +42,7 @@ impl<const ANY_HIT: bool> RayTraversal<'_, '_, ANY_HIT> {
         let records = &self.chain[..=self.level_index()];
         let above = records.iter().fold(self.chunk_instance, |id, &record| combine(id, record));
         let id = combine(above, triangle | (number & SECOND_SURFACE));
-        if let Some(answer) = self.asking.answer_about(&self.item) {
+        if let Some(answer) = self.deferred_tests.answer_of(&self.item) {
             if before((t, id), (answer.t, answer.id)) {
                 return false;
             }
@@ -95,8 +95,8 @@ impl<const ANY_HIT: bool> RayTraversal<'_, '_, ANY_HIT> {
     }
 
     /// Defers the alpha test, and adds the item to the list that the ray waits for.
-    fn wait_for(&mut self, question: DeferredAlphaTest) {
-        self.asking.ask(self.item, question);
+    fn wait_for(&mut self, deferred_test: DeferredAlphaTest) {
+        self.deferred_tests.defer(self.item, deferred_test);
         self.pending.remember(self.item);
     }
 }

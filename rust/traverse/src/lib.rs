@@ -13,8 +13,8 @@
 //! through [`oocpt_gpu::HostView`], which checks every access. Any thread; the work is spread over rayon's pool.
 #![forbid(unsafe_code)]
 
-mod asking;
 mod cutout;
+mod deferred_tests;
 mod leaf;
 mod motion;
 mod node;
@@ -62,7 +62,7 @@ pub enum InstructionSet {
 
 impl TraversalConstants {
     pub(crate) fn levels(&self) -> usize {
-        (self.max_levels as usize).clamp(1, walk::MOST_LEVELS)
+        (self.max_levels as usize).clamp(1, walk::MAX_NESTING)
     }
 }
 

@@ -6,7 +6,7 @@
 use crate::primvar::TriangleCorners;
 use crate::texture::near_image;
 use crate::vector::{V3, cross3, dot3};
-use oocpt_abi::{GpuCutout, MASK_SET, MOST_ANISOTROPY, WRAP_BLACK, WRAP_MIRROR, WRAP_REPEAT};
+use oocpt_abi::{GpuCutout, MASK_SET, MAX_ANISOTROPY, WRAP_BLACK, WRAP_MIRROR, WRAP_REPEAT};
 use oocpt_gpu::{HostBytes, HostView};
 
 /// A candidate of a hit, and the ray.
@@ -108,7 +108,7 @@ fn near_lookup_width(at: &MaskCandidate<'_>, [at_e, at_f]: [[f32; 2]; 2]) -> f32
     let half_difference = 0.5 * (a - c);
     let longer = (0.5 * (a + c) + (half_difference * half_difference + b * b).sqrt()).sqrt();
     let shorter = area.abs() * dd.sqrt() / longer;
-    let least = longer / (MOST_ANISOTROPY * across.abs());
+    let least = longer / (MAX_ANISOTROPY * across.abs());
     let width = at.cone * dd.sqrt() * if shorter > least { shorter } else { least };
     let has_range = across * across > 1.0e-30 && a + c > 1.0e-16 && a + c < 1.0e17;
     if has_range && width < 1.0e9 { width } else { 0.0 }

@@ -8,7 +8,7 @@ mod rays;
 
 #[cfg(target_arch = "x86_64")]
 use crate::InstructionSet;
-use crate::asking::{load_question, store_question};
+use crate::deferred_tests::{load_alpha_test, store_alpha_test};
 use crate::passes::rays::{ClosestRays, QueuedRays, RayBlock, ShadowRays};
 use crate::pending::{ListedItems, PendingItem};
 use crate::scene::TraversalScene;
@@ -49,7 +49,7 @@ struct PassContext<'s, 'v> {
     rays: HostWords<'v>,
     pending: HostWords<'v>,
     /// Deferred alpha tests; streaming.
-    questions: HostWords<'v>,
+    alpha_tests: HostWords<'v>,
 }
 
 /// The queue entries that a block pushes.
@@ -69,7 +69,7 @@ struct QueuePushes {
 pub fn closest(view: &HostView, push: PushConstants, special: TraversalConstants) -> Result<(), TraceError> {
     let scene = TraversalScene::new(view, push, special)?;
     let rays = view.words(scene.frame.rays);
-    let shared = PassContext::new(&scene, rays, [scene.streaming.pending, scene.streaming.questions]);
+    let shared = PassContext::new(&scene, rays, [scene.streaming.pending, scene.streaming.alpha_tests]);
     let parity = (push.round & 1) as usize;
     let queue = view.bytes(scene.frame.ray_queue[parity]);
     let hits = view.words(scene.frame.hits);
@@ -85,7 +85,7 @@ pub fn closest(view: &HostView, push: PushConstants, special: TraversalConstants
 pub fn shadow(view: &HostView, push: PushConstants, special: TraversalConstants) -> Result<(), TraceError> {
     let scene = TraversalScene::new(view, push, special)?;
     let rays = view.words(scene.frame.shadow_rays);
-    let shared = PassContext::new(&scene, rays, [scene.streaming.shadow_pending, scene.streaming.shadow_questions]);
+    let shared = PassContext::new(&scene, rays, [scene.streaming.shadow_pending, scene.streaming.shadow_alpha_tests]);
     let queue = view.bytes(scene.frame.shadow_queue);
     let radiance = view.words(scene.frame.radiance);
     let count = shared.counters.load(counter!(shadow_count));
@@ -98,10 +98,10 @@ fn load_v3(words: HostWords<'_>, at: usize) -> V3 {
 }
 
 impl<'s, 'v> PassContext<'s, 'v> {
-    fn new(scene: &'s TraversalScene<'v>, rays: HostWords<'v>, [pending, questions]: [u64; 2]) -> Self {
+    fn new(scene: &'s TraversalScene<'v>, rays: HostWords<'v>, [pending, alpha_tests]: [u64; 2]) -> Self {
         let view = scene.view;
         let counters = view.words(scene.frame.counters);
-        Self { scene, counters, rays, pending: view.words(pending), questions: view.words(questions) }
+        Self { scene, counters, rays, pending: view.words(pending), alpha_tests: view.words(alpha_tests) }
     }
 
     /// Traces `count` entries of a queue.
@@ -215,15 +215,15 @@ impl<'s, 'v> PassContext<'s, 'v> {
         let listed = if ray.flags == 0 { ListedItems::default() } else { self.listed(path, ray.flags) };
         if self.scene.has(Features::STREAMING) && self.scene.has(Features::CUTOUTS) {
             let is_asked = ray.flags & RayFlags::ASKED.bits() != 0;
-            walk.asking.begin(is_asked.then(|| (listed.items[0], load_question(self.questions, path))));
+            walk.deferred_tests.begin(is_asked.then(|| (listed.items[0], load_alpha_test(self.alpha_tests, path))));
         }
         walk.begin(simd, ray, listed);
     }
 
     /// Stores the items that a ray waits for.
     fn store_pending<const ANY_HIT: bool>(&self, path: u32, walk: &RayTraversal<'s, 'v, ANY_HIT>) {
-        if let Some(question) = walk.kept_question() {
-            store_question(self.questions, path, question);
+        if let Some(deferred_test) = walk.kept_alpha_test() {
+            store_alpha_test(self.alpha_tests, path, deferred_test);
         }
         let mut list = PendingItems::default();
         for (i, item) in walk.pending.items().iter().enumerate() {

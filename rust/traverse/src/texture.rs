@@ -294,8 +294,8 @@ impl TraversalScene<'_> {
         if requested.or((page >> 5) as usize, bit).is_none_or(|before| before & bit != 0) {
             return;
         }
-        let at = feedback.add(feedback!(wanted_count), 1).unwrap_or(u32::MAX);
-        if at < feedback.load(feedback!(wanted_capacity)) {
+        let at = feedback.add(feedback!(request_count), 1).unwrap_or(u32::MAX);
+        if at < feedback.load(feedback!(request_capacity)) {
             self.view.words(address(feedback!(wanted))).store(at as usize, page);
         }
     }

@@ -4,14 +4,14 @@
 //! Everything that decides the bits of a hit (frames, entries of boxes, leaf tests, the order of ids) uses the same
 //! operations as there; the order in which children are visited may differ, because the hit does not depend on it. For
 //! any contents of memory, a walk reads within bounds and ends: an index out of range is no hit, and a walk of more
-//! than [`MOST_STEPS`] is given up and counted as an overflow.
+//! than [`MAX_STEPS`] is given up and counted as an overflow.
 
 mod leaves;
 mod levels;
 mod mesh;
 mod stack;
 
-use crate::asking::CutoutQuestions;
+use crate::deferred_tests::DeferredTests;
 use crate::leaf::triangle::RayShear;
 use crate::node::{BoxRay, NUMBER};
 use crate::pending::{ListedItems, PendingItem, PendingList};
@@ -29,14 +29,14 @@ use oocpt_abi::{
 use oocpt_gpu::{HostBytes, HostSpan};
 
 /// Largest number of steps of a ray, a thousand times as many as rays of the largest scenes take.
-const MOST_STEPS: u32 = 1 << 24;
+const MAX_STEPS: u32 = 1 << 24;
 /// Bytes of geometry below which it counts as cached: a ray then continues for [`LONG_TURN`] steps. With more bytes
 /// each step may wait for memory: the ray prefetches it, and other rays take their turns until it has arrived.
 const CACHED_BYTES: u64 = 16 << 20;
 /// Number of steps (nodes, leaves or instances) of a long turn.
 const LONG_TURN: u32 = 256;
 /// Largest number of nested instance records.
-pub(crate) const MOST_LEVELS: usize = MAX_LEVELS as usize;
+pub(crate) const MAX_NESTING: usize = MAX_LEVELS as usize;
 
 /// The ray in the world.
 #[derive(Clone, Copy, Debug, Default)]
@@ -64,7 +64,7 @@ pub(crate) struct ClosestHit {
     pub(crate) triangle: u32,
     pub(crate) chunk_instance: u32,
     /// Instance records, from the chunk's down.
-    pub(crate) chain: [u32; MOST_LEVELS],
+    pub(crate) chain: [u32; MAX_NESTING],
 }
 
 /// The state of a level that the walk returns to.
@@ -95,7 +95,7 @@ pub(crate) struct RayTraversal<'s, 'v, const ANY_HIT: bool> {
     pub(crate) world: WorldRay,
     pub(crate) found: ClosestHit,
     pub(crate) pending: PendingList,
-    pub(crate) asking: CutoutQuestions,
+    pub(crate) deferred_tests: DeferredTests,
     pub(crate) hit: bool,
     pub(crate) hit_before: bool,
     /// Number of visits of resident chunks; streaming.
@@ -125,10 +125,10 @@ pub(crate) struct RayTraversal<'s, 'v, const ANY_HIT: bool> {
     pub(crate) pose: MeshPose<'v>,
     shear: RayShear,
     /// Records from the chunk to the current level, and the innermost one.
-    pub(crate) chain: [u32; MOST_LEVELS],
+    pub(crate) chain: [u32; MAX_NESTING],
     pub(crate) instance: GpuInstance,
     /// State of the top level, and of those below.
-    levels: [WalkLevel<'v>; MOST_LEVELS + 1],
+    levels: [WalkLevel<'v>; MAX_NESTING + 1],
     near: RecentBuffers<'v>,
     stack: TraversalStack,
 }
@@ -140,7 +140,7 @@ impl<'s, 'v, const ANY_HIT: bool> RayTraversal<'s, 'v, ANY_HIT> {
             world: WorldRay::default(),
             found: ClosestHit::default(),
             pending: PendingList::default(),
-            asking: CutoutQuestions::default(),
+            deferred_tests: DeferredTests::default(),
             hit: false,
             hit_before: false,
             visits: 0,
@@ -161,9 +161,9 @@ impl<'s, 'v, const ANY_HIT: bool> RayTraversal<'s, 'v, ANY_HIT> {
             mesh: bytemuck::Zeroable::zeroed(),
             pose: MeshPose::NONE,
             shear: RayShear::default(),
-            chain: [0; MOST_LEVELS],
+            chain: [0; MAX_NESTING],
             instance: bytemuck::Zeroable::zeroed(),
-            levels: [NO_LEVEL; MOST_LEVELS + 1],
+            levels: [NO_LEVEL; MAX_NESTING + 1],
             near: RecentBuffers {
                 nodes: HostSpan::NONE,
                 instances: HostSpan::NONE,
@@ -239,7 +239,7 @@ impl<'s, 'v, const ANY_HIT: bool> RayTraversal<'s, 'v, ANY_HIT> {
         }
         let reference = self.next.reference();
         self.steps = self.steps.saturating_add(self.turn - turn);
-        if reference != DONE && self.steps < MOST_STEPS {
+        if reference != DONE && self.steps < MAX_STEPS {
             self.prefetch(reference);
             return true;
         }

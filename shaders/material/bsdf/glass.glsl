@@ -24,7 +24,7 @@
 #include "material/bsdf/layers.glsl"
 #include "material/bsdf/glass_table.glsl"
 
-const float GLASS_LEAST_ALPHA = 1.0e-4;
+const float GLASS_MIN_ALPHA = 1.0e-4;
 
 bool is_inside(const Bsdf b) {
     return b.glass_eta < 1.0;
@@ -54,7 +54,7 @@ void set_glass(inout Bsdf b, const Shading s, vec3 wo) {
     if (!HAS_ROUGH_TRANSMISSION) return;
     const float roughness = HAS_COAT ? mix(s.roughness, s.clearcoat_roughness, s.clearcoat) : s.roughness;
     const float alpha = roughness * roughness;
-    if (!(alpha * min(2.0 * (b.glass_ior - 1.0), 1.0) >= GLASS_LEAST_ALPHA)) return;
+    if (!(alpha * min(2.0 * (b.glass_ior - 1.0), 1.0) >= GLASS_MIN_ALPHA)) return;
     b.glass_alpha = alpha;
     b.glass_row = table_row(roughness);
     if (is_thin(b)) {

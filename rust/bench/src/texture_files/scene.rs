@@ -5,19 +5,19 @@
 /// Number of the first member.
 pub(super) const FIRST_MEMBER: u32 = 1001;
 /// Members in a row of texture space.
-const MOST_COLUMNS: u32 = 10;
+const MAX_COLUMNS: u32 = 10;
 /// Most members: the numbers that hosts look for end at 1100.
-pub(super) const MOST_MEMBERS: u32 = 100;
+pub(super) const MAX_MEMBERS: u32 = 100;
 
 /// Columns of so many members, about as many as rows.
 fn columns(members: u32) -> u32 {
-    (1..MOST_COLUMNS).find(|columns| columns * columns >= members).unwrap_or(MOST_COLUMNS)
+    (1..MAX_COLUMNS).find(|columns| columns * columns >= members).unwrap_or(MAX_COLUMNS)
 }
 
 /// The numbers of so many members.
 pub(super) fn numbers(members: u32) -> Vec<u32> {
     let columns = columns(members);
-    (0..members).map(|i| FIRST_MEMBER + i % columns + MOST_COLUMNS * (i / columns)).collect()
+    (0..members).map(|i| FIRST_MEMBER + i % columns + MAX_COLUMNS * (i / columns)).collect()
 }
 
 /// The scene as USD text. `file` is an asset path, with `<UDIM>` where there are several members.
@@ -117,7 +117,7 @@ mod tests {
         assert_eq!(numbers(5), [1001, 1002, 1003, 1011, 1012], "three columns");
         let forty = numbers(40);
         assert_eq!((forty.len(), forty[39]), (40, 1055), "seven columns: 39 = 5 * 7 + 4");
-        assert_eq!(numbers(MOST_MEMBERS).last(), Some(&1100), "the last there is");
+        assert_eq!(numbers(MAX_MEMBERS).last(), Some(&1100), "the last there is");
     }
 
     #[test]

@@ -65,30 +65,30 @@ struct MaterialListing<'a> {
 /// Runs the command.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let MaterialCommand::Show(show) = &arguments.command;
-    let (report, mut said) = ask(show)?;
+    let (report, mut messages) = ask(show)?;
     let materials: Vec<&MaterialText> = match &show.path {
         None => report.materials.iter().collect(),
         Some(path) => vec![find(&report, path).with_context(|| show.scene.display().to_string())?],
     };
     // Warnings about materials are printed with them.
-    said.retain(|line| !report.materials.iter().any(|material| is_told(material, line)));
+    messages.retain(|line| !report.materials.iter().any(|material| is_reported(material, line)));
     if let (Some(_), [material]) = (&show.path, &materials[..]) {
-        said.retain(|line| line.contains(&material.path) || !line.starts_with("OocPT: /"));
+        messages.retain(|line| line.contains(&material.path) || !line.starts_with("OocPT: /"));
     }
-    let told = MaterialListing { scene: &show.scene, materials, warnings: said };
-    match (show.json, &told.materials[..]) {
-        (true, _) => println!("{}", serde_json::to_string_pretty(&told)?),
+    let listing = MaterialListing { scene: &show.scene, materials, warnings: messages };
+    match (show.json, &listing.materials[..]) {
+        (true, _) => println!("{}", serde_json::to_string_pretty(&listing)?),
         (false, [material]) if show.path.is_some() => print!("{}", text::whole(material)),
         (false, materials) => print!("{}", text::list(materials)),
     }
     if !show.json {
-        print!("{}", text::warnings("the host said", &told.warnings));
+        print!("{}", text::warnings("the host said", &listing.warnings));
     }
     Ok(())
 }
 
 /// Returns true if a line of the host's is about this material, all of whose warnings are printed.
-fn is_told(material: &MaterialText, line: &str) -> bool {
+fn is_reported(material: &MaterialText, line: &str) -> bool {
     let of = line.strip_prefix("OocPT: ").and_then(|line| line.strip_prefix(material.path.as_str()));
     let words = of.and_then(|rest| rest.strip_prefix(": "));
     words.is_some_and(|words| material.warnings.first().is_some_and(|warning| words.starts_with(warning.as_str())))
@@ -129,8 +129,8 @@ fn ask(show: &ShowArguments) -> Result<(MaterialReport, Vec<String>)> {
              render settings name another one (oocpt:materialReport)"
         );
     }
-    let said = rendered.unwrap_or_else(|error| vec![format!("{error:#}")]);
-    Ok((MaterialReport::read(&report)?, said))
+    let messages = rendered.unwrap_or_else(|error| vec![format!("{error:#}")]);
+    Ok((MaterialReport::read(&report)?, messages))
 }
 
 /// A layer over `file` with a triangle that shows the material at `path`.
@@ -214,9 +214,9 @@ mod tests {
         let words =
             format!("printf '%s' '{report}' > \"$OOCPT_MATERIAL_REPORT\"; echo 'OocPT: error: no device' >&2; exit 1");
         let program = script("material", &words);
-        let (found, said) = ask(&show(Some("/m"), &program)).expect("a report");
+        let (found, messages) = ask(&show(Some("/m"), &program)).expect("a report");
         assert_eq!(found.materials[0].warnings, ["w"]);
-        assert!(said.len() == 1 && said[0].contains("no device"), "{said:?}");
+        assert!(messages.len() == 1 && messages[0].contains("no device"), "{messages:?}");
         std::fs::remove_file(program).expect("it is there");
         for (words, expected) in [("echo bad layer >&2; exit 1", "bad layer"), ("exit 0", "without a report")] {
             let program = script("no-material", words);
@@ -233,11 +233,11 @@ mod tests {
             warnings: vec!["a".to_owned(), "b".to_owned()],
             ..MaterialText::default()
         };
-        assert!(is_told(&material, "OocPT: /m: a; b"));
+        assert!(is_reported(&material, "OocPT: /m: a; b"));
         assert!(
-            !is_told(&material, "OocPT: /m2: a; b")
-                && !is_told(&material, "OocPT: /m/tex: a")
-                && !is_told(&material, "a")
+            !is_reported(&material, "OocPT: /m2: a; b")
+                && !is_reported(&material, "OocPT: /m/tex: a")
+                && !is_reported(&material, "a")
         );
     }
 }

@@ -11,7 +11,7 @@ use std::io::{BufRead as _, BufReader, Read, Write as _};
 use std::process::{Child, Command, Stdio};
 
 /// Longest line that is read, bytes.
-const LONGEST: u64 = 1 << 20;
+const MAX_LINE_BYTES: u64 = 1 << 20;
 
 /// The host's answer about one file; all but `file` and `space` are empty if `error` is not.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -111,14 +111,14 @@ impl TextureHost {
         let (mut expected, mut answered) = (None, 0);
         let heard = std::thread::scope(|scope| {
             // The host may begin to answer before it has read all lines.
-            let told = scope.spawn(move || input.write_all(lines.as_bytes()));
+            let written = scope.spawn(move || input.write_all(lines.as_bytes()));
             // Libraries print complaints there about files that are reported anyway.
             let complaints = scope.spawn(move || end_of(errors));
             let mut heard = Ok(());
             let mut line = String::new();
             loop {
                 line.clear();
-                match (&mut output).take(LONGEST).read_line(&mut line) {
+                match (&mut output).take(MAX_LINE_BYTES).read_line(&mut line) {
                     Ok(0) => break,
                     Ok(_) => {}
                     Err(error) => {
@@ -140,8 +140,8 @@ impl TextureHost {
                 }
             }
             // A host that ends early does not read all files; its status shows that.
-            let told = told.join();
-            tracing::debug!(?told, "files were told");
+            let written = written.join();
+            tracing::debug!(?written, "files were told");
             heard.map(|()| complaints.join().unwrap_or_default())
         });
         let complaints = heard.with_context(|| self.name.display().to_string())?;

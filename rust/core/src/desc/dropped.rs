@@ -115,7 +115,7 @@ impl DroppedData {
     /// The counters above 0 with their texts, in the order of [`Self::message`]: first those of bad data, then those of
     /// limits of the renderer that good data reached.
     #[must_use]
-    pub fn told(&self) -> [Vec<(&'static str, u64)>; 2] {
+    pub fn by_cause(&self) -> [Vec<(&'static str, u64)>; 2] {
         let limits = Self {
             oversized_meshes: self.oversized_meshes,
             huge_faces: self.huge_faces,
@@ -139,7 +139,7 @@ impl DroppedData {
     #[must_use]
     pub fn message(&self) -> Option<String> {
         let mut line = String::new();
-        for (entries, what) in self.told().iter().zip(["bad data: ", "limits of the renderer: "]) {
+        for (entries, what) in self.by_cause().iter().zip(["bad data: ", "limits of the renderer: "]) {
             for (at, (text, n)) in entries.iter().enumerate() {
                 let separator = match (at, line.is_empty()) {
                     (0, true) => "",

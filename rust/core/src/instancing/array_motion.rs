@@ -10,7 +10,7 @@ use crate::desc::{InstancerMotion, InstancerSample, TransformSample};
 /// Number of keys of an accelerated motion: a parabola in four pieces.
 const ACCELERATED_KEYS: usize = 5;
 /// Largest rotation from key to key, radians: less than half a turn, because otherwise the shorter arc is another one.
-const MOST_TURN: f64 = 1.6;
+const MAX_TURN: f64 = 1.6;
 
 /// Offsets of instances after some time, by their velocities.
 #[derive(Clone, Copy, Debug)]
@@ -120,7 +120,7 @@ impl ArrayMotion {
         if let Some(angular) = &kept.angular_velocities {
             let rate = (0..angular.len()).filter_map(|at| angular.vec3(at)).map(|rate| rate.length());
             let most = rate.filter(|rate| rate.is_finite()).fold(0.0, f64::max).to_radians() * (close - open);
-            while keys < MAX_KEYS && most > MOST_TURN * (keys - 1) as f64 {
+            while keys < MAX_KEYS && most > MAX_TURN * (keys - 1) as f64 {
                 keys += 1;
             }
         }

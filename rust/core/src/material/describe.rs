@@ -2,7 +2,7 @@
 //! Describes a material as text for users: its network as it arrived, its inputs after folding, its programs and their
 //! cost, and the parts that were left out. Pure.
 //!
-//! Names and texts come from scenes: each is shown without control characters, up to [`LONGEST_TEXT`] of it.
+//! Names and texts come from scenes: each is shown without control characters, up to [`MAX_TEXT_CHARS`] of it.
 
 use oocpt_abi::{MaterialFlags, MaterialInput};
 use oocpt_materialx::DisplacementOffset;
@@ -20,7 +20,7 @@ use super::{InputValue, Material, TextureRef};
 use crate::desc::{MaterialDesc, NodeDesc, ParamValue};
 
 /// Most characters of a text of the scene that are shown.
-pub const LONGEST_TEXT: usize = 160;
+pub const MAX_TEXT_CHARS: usize = 160;
 
 /// A node of a network as it arrived.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -98,7 +98,7 @@ pub fn describe(desc: &MaterialDesc) -> MaterialText {
         is_understood: compiled.material.is_some(),
         nodes: desc.nodes.iter().take(MAX_NODES).map(|node| node_text(desc, node)).collect(),
         textures: compiled.textures.iter().map(texture_text).collect(),
-        warnings: compiled.problems.iter().map(|problem| clean_up_to(problem, 4 * LONGEST_TEXT)).collect(),
+        warnings: compiled.problems.iter().map(|problem| clean_up_to(problem, 4 * MAX_TEXT_CHARS)).collect(),
         ..MaterialText::default()
     };
     if let Some(material) = &compiled.material {
@@ -128,9 +128,9 @@ fn fill_displacement(text: &mut MaterialText, pattern: &PatternDisplacement) {
     let frame = if pattern.is_vector { " along tangent, bitangent and normal" } else { "" };
     text.displacement = format!("{offset}{frame}");
     text.displacement_program = program_text(&pattern.program, &reader);
-    for told in pattern.textures.iter().map(texture_text) {
-        if !text.textures.contains(&told) {
-            text.textures.push(told);
+    for described in pattern.textures.iter().map(texture_text) {
+        if !text.textures.contains(&described) {
+            text.textures.push(described);
         }
     }
 }
@@ -349,7 +349,7 @@ fn components(values: &[f32]) -> String {
 }
 
 fn clean(text: &str) -> String {
-    clean_up_to(text, LONGEST_TEXT)
+    clean_up_to(text, MAX_TEXT_CHARS)
 }
 
 /// Text of a scene without control characters, cut to `longest`.

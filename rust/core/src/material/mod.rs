@@ -35,7 +35,7 @@ pub use compile::compile;
 pub use compiled::CompiledMaterial;
 pub use compiler::MAX_NODES;
 pub use cutout::{Cutout, CutoutImage};
-pub use describe::{LONGEST_TEXT, MaterialText, NodeText, ProgramText, describe};
+pub use describe::{MAX_TEXT_CHARS, MaterialText, NodeText, ProgramText, describe};
 pub use displacement::{Displacement, PatternDisplacement, PreviewDisplacement};
 pub(crate) use inputs::NEUTRAL;
 pub use spaces::linear_from_srgb;

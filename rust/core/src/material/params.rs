@@ -10,17 +10,17 @@ pub(super) struct ProblemList(Vec<String>);
 
 impl ProblemList {
     /// Largest number of problems that are reported for one material.
-    const MOST: usize = 8;
+    const MAX_PROBLEMS: usize = 8;
     /// Most bytes of a problem's text.
-    const LONGEST: usize = 512;
+    const MAX_PROBLEM_BYTES: usize = 512;
 
-    /// Adds a problem. It may contain long texts of the scene: it is cut to [`Self::LONGEST`].
+    /// Adds a problem. It may contain long texts of the scene: it is cut to [`Self::MAX_PROBLEM_BYTES`].
     pub(super) fn add(&mut self, mut problem: String) {
-        if problem.len() > Self::LONGEST {
-            problem.truncate(problem.floor_char_boundary(Self::LONGEST));
+        if problem.len() > Self::MAX_PROBLEM_BYTES {
+            problem.truncate(problem.floor_char_boundary(Self::MAX_PROBLEM_BYTES));
             problem.push_str("...");
         }
-        if self.0.len() < Self::MOST && !self.0.contains(&problem) {
+        if self.0.len() < Self::MAX_PROBLEMS && !self.0.contains(&problem) {
             self.0.push(problem);
         }
     }

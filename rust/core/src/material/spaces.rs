@@ -76,10 +76,10 @@ pub fn linear_from_srgb(encoded: f64) -> f64 {
 impl<'a> NetworkCompiler<'a> {
     /// The colour space of a texture node, by the rule above.
     pub(super) fn color_space(&mut self, node: &'a NodeDesc) -> ColorSpace {
-        let mut said = |name: &str| text(node, name, &mut self.problems).map_or(ColorSpace::Auto, named);
-        match said("sourceColorSpace") {
+        let mut named_by = |name: &str| text(node, name, &mut self.problems).map_or(ColorSpace::Auto, named);
+        match named_by("sourceColorSpace") {
             // Both front ends pass the metadata of an input as a parameter of this name.
-            ColorSpace::Auto => said("colorSpace:file"),
+            ColorSpace::Auto => named_by("colorSpace:file"),
             space => space,
         }
     }

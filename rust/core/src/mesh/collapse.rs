@@ -10,7 +10,7 @@ use super::bvh::{Bvh2, BvhNode};
 /// Children of a node.
 pub(super) const WIDTH: usize = 4;
 /// Most trees that a side of a binary node may bring into a wide one.
-const MOST: usize = WIDTH - 1;
+const MAX_TREES: usize = WIDTH - 1;
 
 /// A child of a wide node.
 #[derive(Clone, Copy, Debug)]
@@ -26,11 +26,11 @@ pub(super) struct CollapsedChild {
 #[derive(Clone, Copy, Debug, Default)]
 struct ForestChoice {
     /// Least sums of surface areas with at most one, two and three trees.
-    cost: [f64; MOST],
+    cost: [f64; MAX_TREES],
     /// Number of trees that these sums take.
-    used: [u8; MOST],
+    used: [u8; MAX_TREES],
     /// Number of trees that the first side gets, when cut into two, three, four trees.
-    first: [u8; MOST],
+    first: [u8; MAX_TREES],
 }
 
 /// The choice of children for each node of a binary hierarchy.
@@ -49,7 +49,7 @@ impl<'b> BvhCollapse<'b> {
         for (at, node) in bvh.nodes.iter().enumerate().rev() {
             let cost = [0, 1].map(|side| {
                 let below = inner(node, side).and_then(|child| choices.get(child));
-                below.map_or([0.0; MOST], |below| below.cost)
+                below.map_or([0.0; MAX_TREES], |below| below.cost)
             });
             choices[at] = ForestChoice::new(&node.bounds(0).union(&node.bounds(1)), cost);
         }
@@ -102,9 +102,9 @@ fn part(node: &BvhNode, side: usize) -> CollapsedChild {
 
 impl ForestChoice {
     /// The choices of a node with these `bounds`, from the costs of its sides.
-    fn new(bounds: &Aabb, [a, b]: [[f64; MOST]; 2]) -> Self {
-        let mut best = Self { used: [1; MOST], first: [1; MOST], ..Self::default() };
-        let mut cut = [f64::INFINITY; MOST];
+    fn new(bounds: &Aabb, [a, b]: [[f64; MAX_TREES]; 2]) -> Self {
+        let mut best = Self { used: [1; MAX_TREES], first: [1; MAX_TREES], ..Self::default() };
+        let mut cut = [f64::INFINITY; MAX_TREES];
         for trees in 2..=WIDTH {
             for (first, number) in (1..trees).zip(1..) {
                 let sum = a[first - 1] + b[trees - first - 1];
@@ -113,7 +113,7 @@ impl ForestChoice {
                 }
             }
         }
-        best.cost[0] = half_area(bounds) + cut[MOST - 1];
+        best.cost[0] = half_area(bounds) + cut[MAX_TREES - 1];
         for (trees, number) in (2..WIDTH).zip(2..) {
             let (fewer, apart) = (best.cost[trees - 2], cut[trees - 2]);
             (best.cost[trees - 1], best.used[trees - 1]) =

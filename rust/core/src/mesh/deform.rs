@@ -22,7 +22,7 @@ const MAX_POSES: usize = 16;
 /// Number of poses of points that accelerate: a parabola in four pieces.
 const ACCELERATED_POSES: usize = 5;
 /// Poses nearer to each other than this part of the shutter count as one.
-const LEAST_TIME: f64 = 1e-6;
+const MIN_TIME: f64 = 1e-6;
 
 /// The items of an asset at its later keys.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -126,7 +126,7 @@ fn by_rates(
 fn by_samples(desc: &MeshDesc, samples: &[PointsSample]) -> Result<Vec<PointsPose>, String> {
     let times: Vec<f64> = samples.iter().map(|sample| sample.time).collect();
     if !times.iter().all(|time| time.is_finite() && time.abs() < 1e6)
-        || times.windows(2).any(|pair| pair[1] - pair[0] <= LEAST_TIME)
+        || times.windows(2).any(|pair| pair[1] - pair[0] <= MIN_TIME)
     {
         return Err("has samples of its points that are not in the order of time".to_owned());
     }
@@ -137,7 +137,7 @@ fn by_samples(desc: &MeshDesc, samples: &[PointsSample]) -> Result<Vec<PointsPos
     let own = desc.normals.as_ref().map(|normals| normals.values.len());
     let with_normals = own.is_some() && samples.iter().all(|s| s.normals.as_ref().map(TypedArray::len) == own);
     let with_widths = check_widths(desc, samples)?;
-    let inside = times.iter().copied().filter(|time| *time > LEAST_TIME && *time < 1.0 - LEAST_TIME);
+    let inside = times.iter().copied().filter(|time| *time > MIN_TIME && *time < 1.0 - MIN_TIME);
     let mut keys: Vec<f64> = [0.0].into_iter().chain(inside).chain([1.0]).collect();
     if keys.len() > MAX_POSES {
         let last = keys.len() - 1;

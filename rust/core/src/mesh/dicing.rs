@@ -7,7 +7,7 @@ use xxhash_rust::xxh3::Xxh3;
 
 /// Largest number of pieces of an edge of a surface that is smooth between its points. One that is displaced may have
 /// more.
-pub(super) const MOST_PIECES: i32 = 256;
+pub(super) const MAX_PIECES: i32 = 256;
 
 /// The rate at which the limit surface of a mesh is cut: no piece of an edge of the control mesh is longer than the
 /// given number of pixels where the surface is nearest to the camera.
@@ -36,11 +36,11 @@ pub struct CameraEye {
 }
 
 impl DicingRate {
-    /// Number of pieces of the edge from `a` to `b`, at least `least` and at most `MOST_PIECES`. The same for both
+    /// Number of pieces of the edge from `a` to `b`, at least `least` and at most `MAX_PIECES`. The same for both
     /// directions.
     #[must_use]
     pub fn pieces(&self, a: DVec3, b: DVec3, least: i32) -> i32 {
-        self.pieces_up_to(a, b, least, MOST_PIECES)
+        self.pieces_up_to(a, b, least, MAX_PIECES)
     }
 
     /// As [`Self::pieces`], with another limit.

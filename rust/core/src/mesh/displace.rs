@@ -47,7 +47,7 @@ struct FaceRun<'a> {
 }
 
 /// A face, with the relief that moves its vertices.
-struct AskedFace {
+struct RequestedFace {
     face: u32,
     slot: usize,
     /// Range of its vertices in the list of all vertices.
@@ -57,7 +57,7 @@ struct AskedFace {
 }
 
 /// A vertex of a face.
-struct AskedVertex {
+struct RequestedVertex {
     vertex: u32,
     /// Index of the face in the list of all faces.
     face: u32,
@@ -148,30 +148,30 @@ impl DicedMesh<'_> {
             }
         }
         reliefs.iter_mut().flatten().for_each(MeshRelief::settle);
-        let (mut faces, vertices) = self.asked(slot);
-        faces.par_iter_mut().for_each(|asked| {
-            if let Some(Some(relief)) = reliefs.get(asked.slot) {
-                let own = vertices.get(asked.vertices.clone()).unwrap_or_default();
-                asked.members = relief.members(asked.face, own.iter().map(|asked| asked.vertex));
+        let (mut faces, vertices) = self.requested(slot);
+        faces.par_iter_mut().for_each(|requested| {
+            if let Some(Some(relief)) = reliefs.get(requested.slot) {
+                let own = vertices.get(requested.vertices.clone()).unwrap_or_default();
+                requested.members = relief.members(requested.face, own.iter().map(|requested| requested.vertex));
             }
         });
         let none = HeightCache::default();
         let heights = demand.heights.unwrap_or(&none);
-        for asked in &faces {
-            if let Some(Some(relief)) = reliefs.get_mut(asked.slot) {
-                relief.open(heights, &asked.members);
+        for requested in &faces {
+            if let Some(Some(relief)) = reliefs.get_mut(requested.slot) {
+                relief.open(heights, &requested.members);
             }
         }
-        let relief_of = |asked: &AskedVertex| {
-            let face = faces.get(asked.face as usize)?;
+        let relief_of = |requested: &RequestedVertex| {
+            let face = faces.get(requested.face as usize)?;
             Some((reliefs.get(face.slot)?.as_ref()?, face))
         };
-        let height = |asked: &AskedVertex| {
-            relief_of(asked).map_or(0.0, |(relief, face)| relief.height(face.face, asked.vertex, &face.members))
+        let height = |requested: &RequestedVertex| {
+            relief_of(requested).map_or(0.0, |(relief, face)| relief.height(face.face, requested.vertex, &face.members))
         };
-        let vector = |asked: &AskedVertex| {
-            let found = relief_of(asked);
-            found.map_or(DVec3::ZERO, |(relief, face)| relief.vector(face.face, asked.vertex, &face.members))
+        let vector = |requested: &RequestedVertex| {
+            let found = relief_of(requested);
+            found.map_or(DVec3::ZERO, |(relief, face)| relief.vector(face.face, requested.vertex, &face.members))
         };
         let heights: Vec<f64> = vertices.par_iter().map(height).collect();
         let has_vectors = reliefs.iter().flatten().any(MeshRelief::is_vector);
@@ -179,16 +179,16 @@ impl DicedMesh<'_> {
         // The faces are visited in order, because sums of floats depend on it.
         let places = self.facets.places.len();
         let mut sums = vec![VertexSum::default(); places];
-        for (asked, height) in vertices.iter().zip(heights) {
-            if let Some(sum) = sums.get_mut(self.place(asked.vertex)) {
-                sum.normal += self.normal(asked.vertex);
+        for (requested, height) in vertices.iter().zip(heights) {
+            if let Some(sum) = sums.get_mut(self.place(requested.vertex)) {
+                sum.normal += self.normal(requested.vertex);
                 sum.height += height;
                 sum.faces += 1.0;
             }
         }
         let mut vector_sums = vec![DVec3::ZERO; if has_vectors { places } else { 0 }];
-        for (asked, vector) in vertices.iter().zip(vectors) {
-            if let Some(sum) = vector_sums.get_mut(self.place(asked.vertex)) {
+        for (requested, vector) in vertices.iter().zip(vectors) {
+            if let Some(sum) = vector_sums.get_mut(self.place(requested.vertex)) {
                 *sum += vector;
             }
         }
@@ -197,7 +197,7 @@ impl DicedMesh<'_> {
     }
 
     /// All faces, each with its vertices; `slot` gives the relief of a face.
-    fn asked(&self, slot: impl Fn(u32) -> usize) -> (Vec<AskedFace>, Vec<AskedVertex>) {
+    fn requested(&self, slot: impl Fn(u32) -> usize) -> (Vec<RequestedFace>, Vec<RequestedVertex>) {
         let mut seen = vec![u32::MAX; self.facets.places.len()];
         let (mut faces, mut vertices) = (Vec::new(), Vec::new());
         for (number, run) in (0..).zip(self.runs()) {
@@ -205,11 +205,11 @@ impl DicedMesh<'_> {
             for &vertex in run.triangles.as_flattened() {
                 if let Some(seen) = seen.get_mut(vertex as usize).filter(|seen| **seen != number) {
                     *seen = number;
-                    vertices.push(AskedVertex { vertex, face: number });
+                    vertices.push(RequestedVertex { vertex, face: number });
                 }
             }
             let (face, slot) = (run.face, slot(run.face));
-            faces.push(AskedFace { face, slot, vertices: first..vertices.len(), members: UdimMembers::default() });
+            faces.push(RequestedFace { face, slot, vertices: first..vertices.len(), members: UdimMembers::default() });
         }
         (faces, vertices)
     }

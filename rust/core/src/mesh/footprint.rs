@@ -36,7 +36,7 @@ const CUT_VERTEX: u64 = 160;
 /// Bytes of a point of curves that are cut.
 const CURVE_POINT: u64 = 280;
 /// Largest number of keys of a moving mesh.
-const MOST_KEYS: u64 = 16;
+const MAX_KEYS: u64 = 16;
 
 /// Host memory that building a mesh takes, bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -204,7 +204,7 @@ fn key_count(desc: &MeshDesc) -> u64 {
     match motion.samples.len() as u64 {
         _ if motion.velocities.is_some() => 5,
         0 | 1 => 0,
-        samples => (samples + 2).min(MOST_KEYS),
+        samples => (samples + 2).min(MAX_KEYS),
     }
 }
 

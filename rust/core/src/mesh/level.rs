@@ -19,7 +19,7 @@ const FORK_ABOVE: usize = 1 << 13;
 /// Number of levels beyond those of a balanced tree from which on nodes are split in the middle.
 const SPARE_LEVELS: u32 = 4;
 /// Number of items from which the cut of a node is chosen, up to twice as many.
-const MOST_SAMPLES: usize = 1 << 9;
+const MAX_SAMPLES: usize = 1 << 9;
 
 /// A four-wide hierarchy over boxes. The root is node 0; parents come before their children.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -367,7 +367,7 @@ fn choose<const BINS: usize>(items: &[LevelBox], centers: &GrowingBox) -> Option
     let scale = BinScale::new(centers, BINS);
     let mut filled = [[GrowingBox::EMPTY; BINS]; 3];
     let mut counts = [[0_u16; BINS]; 3];
-    for item in items.iter().step_by((items.len() / MOST_SAMPLES).max(1)) {
+    for item in items.iter().step_by((items.len() / MAX_SAMPLES).max(1)) {
         let (min, max) = (item.min(), item.max());
         let bins = scale.bin(item.center());
         for axis in 0..3 {

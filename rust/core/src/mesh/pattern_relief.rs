@@ -3,7 +3,7 @@
 //!
 //! The program reads points, normals and tangents of the mesh's own frame, before anything is moved. The level of a
 //! texture is chosen by the texture coordinates that the program looks up at the corners of triangles
-//! ([`MOST_MEASURED`] of them, evenly chosen).
+//! ([`MAX_MEASURED`] of them, evenly chosen).
 
 use std::collections::BTreeMap;
 
@@ -22,7 +22,7 @@ use crate::material::{PatternDisplacement, TextureRef};
 use crate::texture::{HeightCache, HeightLevel, member_of, numbered};
 
 /// Half the largest number of triangles that are measured.
-const MOST_MEASURED: usize = 1 << 15;
+const MAX_MEASURED: usize = 1 << 15;
 
 /// Members of sets of files that a face looks up, by lookup.
 pub(super) type UdimMembers = [u8; MAX_LOOKUPS];
@@ -114,7 +114,7 @@ impl<'a> PatternRelief<'a> {
                 self.measured.push((face, *triangle));
             }
             self.triangles += 1;
-            if self.measured.len() > 2 * MOST_MEASURED {
+            if self.measured.len() > 2 * MAX_MEASURED {
                 self.stride *= 2;
                 let mut number = 0_usize;
                 self.measured.retain(|_| {

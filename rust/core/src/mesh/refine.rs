@@ -15,7 +15,7 @@ use rayon::prelude::*;
 use super::cage::SubdivisionCage;
 use super::creases::CreaseSharpness;
 use super::demand::BuildDemand;
-use super::dicing::{DicingRate, MOST_PIECES};
+use super::dicing::{DicingRate, MAX_PIECES};
 use super::displace::{DicedMesh, DisplacedVertices};
 use super::pose::PointsPose;
 use super::refine_values::ControlValues;
@@ -165,7 +165,7 @@ impl<'a> EdgeRates<'a> {
         Self {
             dicing,
             least: 1 << desc.refine_level.min(MAX_LEVEL),
-            most: if displaces { MAX_RATE } else { MOST_PIECES },
+            most: if displaces { MAX_RATE } else { MAX_PIECES },
             by_level_alone: desc.subdivision == Subdivision::Bilinear && !displaces,
         }
     }
@@ -282,7 +282,7 @@ mod tests {
         let mut rates = |most| {
             dropped = DroppedData::default();
             let dicing = DicingRate::default();
-            let cutting = EdgeRates { dicing: &dicing, least: 32, most: MOST_PIECES, by_level_alone: false };
+            let cutting = EdgeRates { dicing: &dicing, least: 32, most: MAX_PIECES, by_level_alone: false };
             let rates = rates(&surface, &topology, &cutting, most, &mut dropped).unwrap();
             (rates, dropped.coarse_meshes)
         };

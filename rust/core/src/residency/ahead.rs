@@ -45,7 +45,7 @@ impl ResidencyPlanner {
             return;
         }
         let mut wanted = Vec::new();
-        for_each_nonzero(plan.demand.asked, plan.demand.next, self.entries.len(), |unit, rays| {
+        for_each_nonzero(plan.demand.requested, plan.demand.next, self.entries.len(), |unit, rays| {
             let absent = self.entries[unit as usize].state == UnitState::Absent;
             if absent && at(plan.demand.waiting, unit) == 0 {
                 wanted.push((f64::from(rays), unit));

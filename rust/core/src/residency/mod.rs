@@ -70,7 +70,7 @@ pub struct RayDemand<'a> {
     pub active: u64,
     /// The units of which `waiting` or `next` is not 0, ascending, each once; others may be among them. `None`: the
     /// planner scans all units.
-    pub asked: Option<&'a [UnitId]>,
+    pub requested: Option<&'a [UnitId]>,
 }
 
 /// An action for the caller, to be performed in the order of the list.

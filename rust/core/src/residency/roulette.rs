@@ -23,15 +23,15 @@
 //! # Careful
 //! `s`, `V`, `c` are estimates. [`CARE`] times `s` is taken for `s`, hence `p = sqrt(2) p0`: that loses at most a tenth
 //! of the gain where the estimates are right, and is a gain as long as `s / (V c)` is less than `2 / p` times the
-//! estimate. A load with `p` above [`MOST`] is not played for: it would save little, and soon be wanted again by rays
-//! that are not known yet. Two accounts of the variance spent, `sum (1 / p - 1) s`, bound the harm:
+//! estimate. A load with `p` above [`MAX_PROBABILITY`] is not played for: it would save little, and soon be wanted
+//! again by rays that are not known yet. Two accounts of the variance spent, `sum (1 / p - 1) s`, bound the harm:
 //! - of a unit, since it was loaded last: a share [`PER_LOAD`] of `V x`, the cost of the load. So a unit that is wanted
 //!   again and again is loaded in the end, and the variance spent on it in vain is a small part of its price (rent or
 //!   buy; Karlin et al. 1988, "Competitive snoopy caching").
 //! - of all: a share [`PER_PICTURE`] of the picture's own `N V`.
 //!
-//! `p` is raised to what they leave. It is at least [`LEAST`]: the contribution of a ray is not known in advance, and
-//! weights stay bounded.
+//! `p` is raised to what they leave. It is at least [`MIN_PROBABILITY`]: the contribution of a ray is not known in
+//! advance, and weights stay bounded.
 //!
 //! # States of a unit
 //! `Open -> Approved` (until it was resident, or no ray waits) or `Open -> Ending`, both at least until the step that
@@ -42,9 +42,9 @@ use super::UnitId;
 use oocpt_abi::sampler::{combine, hash, sample_4d};
 
 /// Least probability of a load.
-pub const LEAST: f64 = 1.0 / 16.0;
+pub const MIN_PROBABILITY: f64 = 1.0 / 16.0;
 /// Greatest probability below 1; a load with a greater one is not played for.
-pub const MOST: f64 = 0.5;
+pub const MAX_PROBABILITY: f64 = 0.5;
 /// Factor by which the stakes may be underestimated.
 pub const CARE: f64 = 2.0;
 /// Share of a load's cost, in variance, that may be spent in vain before it.
@@ -194,8 +194,8 @@ impl LoadRoulette {
     }
 }
 
-/// The probability of a load, [`LEAST`] to [`MOST`] or 1, if `lost` and `spent` were spent on its unit and in all; 1 if
-/// something is not known.
+/// The probability of a load, [`MIN_PROBABILITY`] to [`MAX_PROBABILITY`] or 1, if `lost` and `spent` were spent on its
+/// unit and in all; 1 if something is not known.
 #[must_use]
 pub fn probability(stakes: &LoadStakes, prices: &LoadPrices, lost: f64, spent: f64) -> f64 {
     #[expect(clippy::cast_precision_loss, reason = "an estimate")]
@@ -210,8 +210,8 @@ pub fn probability(stakes: &LoadStakes, prices: &LoadPrices, lost: f64, spent: f
     let floor = |left: f64| stakes.worth / (stakes.worth + left.max(0.0));
     let floors = floor(PER_LOAD * prices.variance * in_paths - lost)
         .max(floor(PER_PICTURE * prices.variance * prices.paths - spent));
-    let p = wanted.max(LEAST).max(if stakes.worth > 0.0 { floors } else { 0.0 });
-    if p <= MOST { p } else { 1.0 }
+    let p = wanted.max(MIN_PROBABILITY).max(if stakes.worth > 0.0 { floors } else { 0.0 });
+    if p <= MAX_PROBABILITY { p } else { 1.0 }
 }
 
 /// The next number of a unit, in 0..1.
@@ -240,7 +240,10 @@ mod tests {
         let p = |worth| probability(&stakes(0, worth), &PRICES, 0.0, 0.0);
         assert!((p(8.0) - 0.4).abs() < 1e-12, "0.28 would be best, but care is taken: {}", p(8.0));
         assert!((p(12.5) - 0.5).abs() < 1e-12 && (p(12.6) - 1.0).abs() < 1e-12, "{} {}", p(12.5), p(12.6));
-        assert!((p(1e-9) - LEAST).abs() < 1e-12 && (p(0.0) - LEAST).abs() < 1e-12, "never below the least");
+        assert!(
+            (p(1e-9) - MIN_PROBABILITY).abs() < 1e-12 && (p(0.0) - MIN_PROBABILITY).abs() < 1e-12,
+            "never below the least"
+        );
         let shared = LoadStakes { share: 0.25, ..stakes(0, 2.0) };
         assert!((probability(&shared, &PRICES, 0.0, 0.0) - 0.4).abs() < 1e-12, "others need it too");
         let unknown = [
@@ -267,7 +270,10 @@ mod tests {
         assert!((p(13.0, 0.0, 8.0) - 0.4).abs() < 1e-12, "just enough");
         assert!((p(15.0, 0.0, 8.0) - 8.0 / 18.0).abs() < 1e-12, "10 are left: {}", p(15.0, 0.0, 8.0));
         assert!((p(19.0, 0.0, 8.0) - 1.0).abs() < 1e-12, "6 are left: more than a half");
-        assert!((p(30.0, 0.0, 1e-3) - 1.0).abs() < 1e-12 && (p(30.0, 0.0, 0.0) - LEAST).abs() < 1e-12, "overdrawn");
+        assert!(
+            (p(30.0, 0.0, 1e-3) - 1.0).abs() < 1e-12 && (p(30.0, 0.0, 0.0) - MIN_PROBABILITY).abs() < 1e-12,
+            "overdrawn"
+        );
         // An eighth of the picture's own 1e8 may be spent.
         assert!((p(0.0, 12.5e6 - 10.0, 8.0) - 8.0 / 18.0).abs() < 1e-6, "10 are left");
         assert!((p(0.0, 12.5e6, 8.0) - 1.0).abs() < 1e-12, "nothing is");

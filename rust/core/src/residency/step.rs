@@ -133,7 +133,7 @@ impl ResidencyPlanner {
                 entry.visited(step, rays);
             }
         });
-        for_each_nonzero(plan.demand.asked, plan.demand.waiting, self.entries.len(), |unit, rays| {
+        for_each_nonzero(plan.demand.requested, plan.demand.waiting, self.entries.len(), |unit, rays| {
             let entry = &mut self.entries[unit as usize];
             entry.waited_for(step, rays);
             if entry.state == UnitState::Resident {
@@ -404,17 +404,19 @@ impl ResidencyPlanner {
 /// Calls `visit` for the values above 0 of the first `count`, ascending: those of `asked`, or all, skipping zeros 16 at
 /// a time.
 pub(super) fn for_each_nonzero(
-    asked: Option<&[UnitId]>,
+    requested: Option<&[UnitId]>,
     values: &[u32],
     count: usize,
     mut visit: impl FnMut(UnitId, u32),
 ) {
     let values = &values[..values.len().min(count)];
-    if let Some(asked) = asked {
+    if let Some(requested) = requested {
         let value_of = |unit: UnitId| Some((unit, *values.get(unit as usize)?));
-        asked.iter().filter_map(|unit| value_of(*unit)).filter(|(_, value)| *value != 0).for_each(|(unit, value)| {
-            visit(unit, value);
-        });
+        requested.iter().filter_map(|unit| value_of(*unit)).filter(|(_, value)| *value != 0).for_each(
+            |(unit, value)| {
+                visit(unit, value);
+            },
+        );
         return;
     }
     for (block, values) in (0_u32..).step_by(16).zip(values.chunks(16)) {

@@ -13,7 +13,7 @@ use crate::mesh::{CutoutCover, SlotCovers};
 use crate::texture::{CoveredImage, HeightFiles};
 
 /// Largest number of images; an image has 8 KiB, and each part of a set is an image.
-const MOST_IMAGES: usize = 4096;
+const MAX_IMAGES: usize = 4096;
 
 /// The images of cutouts that the scene uses.
 #[derive(Debug, Default)]
@@ -39,7 +39,7 @@ impl CoverStore {
         let Some(files) = files else { return };
         let images = meshes.flatten().flatten().filter_map(image_of);
         let mut seen: FxHashSet<&CutoutImage> = FxHashSet::default();
-        let left = MOST_IMAGES.saturating_sub(self.images.len());
+        let left = MAX_IMAGES.saturating_sub(self.images.len());
         let unknown = images.filter(|image| !self.images.contains_key(image) && seen.insert(image));
         let unknown: Vec<&CutoutImage> = unknown.take(left).collect();
         let read = |image: &CutoutImage| (image.clone(), CoveredImage::read(image, &**files).map(Arc::new));

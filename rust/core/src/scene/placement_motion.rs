@@ -12,7 +12,7 @@ use crate::instancing::motion::{MotionKey, PlacementKeys, map_at, norm_of, swept
 /// Largest turn of a normal from one sampled time to the next, radians.
 const STEP: f64 = 0.1;
 /// Largest number of sampled times between two keys.
-const MOST_STEPS: f64 = 64.0;
+const MAX_STEPS: f64 = 64.0;
 /// Relative difference up to which stretches count as the same.
 const SAME_STRETCH: f64 = 1e-6;
 
@@ -85,7 +85,7 @@ impl PlacementMotion {
         for pair in own.windows(2) {
             let (begin, end) = (pair[0], pair[1]);
             let angle: f64 = self.levels.iter().map(|keys| turn(keys, begin, end)).sum();
-            let steps = (angle / STEP).ceil().clamp(1.0, MOST_STEPS);
+            let steps = (angle / STEP).ceil().clamp(1.0, MAX_STEPS);
             most = most.max(angle / steps);
             let mut at = 1.0;
             while at <= steps {

@@ -12,7 +12,7 @@ use std::fmt::Write as _;
 /// Number of prims with similar warnings that are still listed one by one.
 const FEW: usize = 4;
 /// Largest number of lines of one summary. Kinds of warning are few, but texts come from scenes.
-const MOST_LINES: usize = 100;
+const MAX_LINES: usize = 100;
 
 /// Prims with similar warnings.
 struct WarningGroup<'a> {
@@ -40,8 +40,8 @@ pub fn summary(warnings: &[SceneWarning]) -> Vec<String> {
     // Lines in path order, for the prims that are listed one by one.
     let mut lines: Vec<(&str, String)> = groups.iter().flat_map(WarningGroup::lines).collect();
     lines.sort_by_key(|(path, _)| *path);
-    let more = lines.len().saturating_sub(MOST_LINES);
-    let mut lines: Vec<String> = lines.into_iter().take(MOST_LINES).map(|(_, line)| line).collect();
+    let more = lines.len().saturating_sub(MAX_LINES);
+    let mut lines: Vec<String> = lines.into_iter().take(MAX_LINES).map(|(_, line)| line).collect();
     lines.extend((more > 0).then(|| format!("{more} more warnings of other kinds or of other prims")));
     lines
 }
@@ -60,7 +60,7 @@ impl<'a> WarningGroup<'a> {
             true => format!("{path} and {more} more prims: {message}"),
             false => format!("{path}: {message}; and the like for {more} more prims"),
         };
-        let sums: Vec<String> = self.dropped.told().iter().flatten().map(|(_, n)| n.to_string()).collect();
+        let sums: Vec<String> = self.dropped.by_cause().iter().flatten().map(|(_, n)| n.to_string()).collect();
         if !sums.is_empty() {
             // Writing to a String cannot fail.
             write!(line, " ({} in all)", sums.join(", ")).unwrap_or_default();
@@ -131,7 +131,7 @@ mod tests {
     fn the_number_of_summary_lines_is_bounded() {
         let word = |n: usize| note(&format!("/{n}"), &format!("word{n}"));
         let lines = summary(&(0..500).map(word).collect::<Vec<_>>());
-        assert_eq!(lines.len(), MOST_LINES + 1, "bounded");
-        assert_eq!(lines[MOST_LINES], "400 more warnings of other kinds or of other prims", "and says so");
+        assert_eq!(lines.len(), MAX_LINES + 1, "bounded");
+        assert_eq!(lines[MAX_LINES], "400 more warnings of other kinds or of other prims", "and says so");
     }
 }

@@ -10,9 +10,9 @@ use super::{HeightFiles, Wrap};
 use crate::material::CutoutImage;
 
 /// Largest number of cells along a side.
-const MOST_SIDE: u32 = 256;
+const MAX_SIDE: u32 = 256;
 /// Longest side, in images, of a region that is looked up: most of a repeated picture is kept somewhere.
-const LONGEST: f64 = 1.5;
+const MAX_REGION_SIDE: f64 = 1.5;
 /// Largest coordinate that is looked up.
 const FARTHEST: f64 = 1.0e5;
 /// Number of parts of a set of files along a side.
@@ -85,7 +85,7 @@ impl CoveredImage {
     pub(crate) fn within(&self, region: UvRegion, seam: [f64; 2]) -> Option<UvRegion> {
         let [low, high] = region;
         let is_near = |axis: usize| {
-            high[axis] - low[axis] <= LONGEST && low[axis].abs() <= FARTHEST && high[axis].abs() <= FARTHEST
+            high[axis] - low[axis] <= MAX_REGION_SIDE && low[axis].abs() <= FARTHEST && high[axis].abs() <= FARTHEST
         };
         if !(is_near(0) && is_near(1)) {
             return Some(region);
@@ -167,13 +167,13 @@ impl CellSpan {
 impl CellBits {
     fn read(image: &CutoutImage, member: u32, files: &dyn HeightFiles) -> Option<Self> {
         let file = files.open(&image.texture, member).ok()??;
-        let said = file.wrap().unwrap_or([Wrap::Black; 2]);
+        let metadata = file.wrap().unwrap_or([Wrap::Black; 2]);
         let wrap = [0, 1].map(|axis: usize| match image.texture.wrap[axis] {
             _ if member > 0 => Wrap::Clamp,
-            Wrap::UseMetadata => said[axis],
+            Wrap::UseMetadata => metadata[axis],
             wrap => wrap,
         });
-        let mut maker = OpacityMaskMaker::new(&file.layout(), &image.query(wrap), MOST_SIDE)?;
+        let mut maker = OpacityMaskMaker::new(&file.layout(), &image.query(wrap), MAX_SIDE)?;
         // The reader of its tiles reports what is wrong with the file.
         file.rows(image.channel, &mut |rows| maker.push(rows)).ok()?;
         Self::new(&maker.finish()?, file.layout().size(), wrap)
@@ -246,7 +246,7 @@ impl CellBits {
         let span = |axis: usize| self.span(axis, [low[axis], high[axis]], unit[axis], wrap[axis]);
         let (across, up) = (span(0)?, span(1)?);
         let (begin, end) = (across.first / u64::BITS, across.last / u64::BITS);
-        let (mut rows, mut any) = (None::<[u32; 2]>, [0_u64; (MOST_SIDE / u64::BITS) as usize]);
+        let (mut rows, mut any) = (None::<[u32; 2]>, [0_u64; (MAX_SIDE / u64::BITS) as usize]);
         for y in up.first..=up.last {
             let row = self.bits.get(y as usize * self.stride..)?.get(begin as usize..=end as usize)?;
             let mut is_there = false;

@@ -6,8 +6,8 @@
 
 use glam::{DMat2, DVec2, DVec3};
 
-/// [`oocpt_abi::MOST_ANISOTROPY`] in f64.
-pub const MOST_ANISOTROPY: f64 = oocpt_abi::MOST_ANISOTROPY as f64;
+/// [`oocpt_abi::MAX_ANISOTROPY`] in f64.
+pub const MAX_ANISOTROPY: f64 = oocpt_abi::MAX_ANISOTROPY as f64;
 
 /// The longer and the shorter axis of the ellipse that a cone of width 1 covers: a cone along `direction` that cuts a
 /// plane with normal `normal`, on which the texture's coordinates have the `gradients`; `map` (by columns) maps these
@@ -31,7 +31,7 @@ pub fn ellipse(gradients: [DVec3; 2], normal: DVec3, direction: DVec3, map: DMat
 /// Width of the filter for such an ellipse, texels of level 0.
 #[must_use]
 pub fn filter_width([longer, shorter]: [f64; 2]) -> f64 {
-    shorter.max(longer / MOST_ANISOTROPY)
+    shorter.max(longer / MAX_ANISOTROPY)
 }
 
 #[cfg(test)]

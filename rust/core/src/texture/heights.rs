@@ -14,7 +14,7 @@ use rustc_hash::FxHashMap;
 use super::{ColorSpace, TextureRef, TextureSampler, TileLayout, Wrap};
 
 /// Largest number of texels of a level, each channel counted: a quarter of a gibibyte.
-const MOST_TEXELS: u64 = 1 << 26;
+const MAX_TEXELS: u64 = 1 << 26;
 /// Number of the first member of a set of files.
 const FIRST_MEMBER: u32 = 1001;
 
@@ -111,10 +111,10 @@ impl HeightCache {
             *texels = Some(once(&self.decoded, &(key.clone(), level, channel), decode)?);
         }
         let layout = TileLayout::new(size, 4).map_err(|error| error.to_string())?;
-        let said = image.wrap().unwrap_or([Wrap::Black; 2]);
+        let metadata = image.wrap().unwrap_or([Wrap::Black; 2]);
         let wrap = [0, 1].map(|axis: usize| match texture.wrap[axis] {
             _ if member > 0 => Wrap::Clamp,
-            Wrap::UseMetadata => said[axis],
+            Wrap::UseMetadata => metadata[axis],
             wrap => wrap,
         });
         let outside = if texture.has_border { texture.fallback.map(f64::from) } else { [0.0; 4] };
@@ -147,7 +147,7 @@ fn level_for(layout: &TileLayout, area: f64, channels: u32) -> u32 {
     let wanted = 0.5 * (area * width * height).log2();
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 32; NaN is 0")]
     let wanted = wanted.floor().clamp(0.0, 32.0) as u32;
-    (wanted.min(coarsest)..coarsest).find(|&level| texels(level) <= MOST_TEXELS).unwrap_or(coarsest)
+    (wanted.min(coarsest)..coarsest).find(|&level| texels(level) <= MAX_TEXELS).unwrap_or(coarsest)
 }
 
 /// Decoded channels of a level of an image.

@@ -22,7 +22,7 @@ pub use color::{expand, is_srgb, srgb_from_linear};
 pub(crate) use covered::tests as tests_of_covered;
 pub(crate) use covered::{CoveredImage, UvRegion};
 pub use faces::{FaceBlock, FaceLayout, MAX_FACE_LOG2, TILE_TEXELS, class_size};
-pub use footprint::{MOST_ANISOTROPY, ellipse, filter_width};
+pub use footprint::{MAX_ANISOTROPY, ellipse, filter_width};
 pub use heights::{HeightCache, HeightFiles, HeightImage};
 pub(crate) use heights::{HeightLevel, member_of, numbered};
 pub use layout::{LayoutError, MAX_SIDE, TileLayout, TilePiece};

@@ -16,7 +16,7 @@ pub(crate) struct HostPages {
 /// Bytes for which it pays to use another thread for touching.
 const TOUCHED_AT_ONCE: usize = 16 << 20;
 /// Largest number of threads that touch pages, including the caller's.
-const MOST_THREADS: usize = 4;
+const MAX_THREADS: usize = 4;
 
 #[cfg(target_os = "linux")]
 mod system {
@@ -84,7 +84,7 @@ impl HostPages {
     }
 
     fn touch(self) {
-        let threads = (self.bytes / TOUCHED_AT_ONCE).clamp(1, MOST_THREADS);
+        let threads = (self.bytes / TOUCHED_AT_ONCE).clamp(1, MAX_THREADS);
         let part = self.bytes.div_ceil(threads).next_multiple_of(TOUCHED_AT_ONCE);
         std::thread::scope(|scope| {
             for start in (0..self.bytes).step_by(part).skip(1) {

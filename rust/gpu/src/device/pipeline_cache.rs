@@ -22,11 +22,11 @@ use crate::instance::probe::ProbedDevice;
 use crate::instance::vulkan::vulkan_error;
 
 /// Most bytes of a cache that is read or written.
-const MOST_BYTES: u64 = 64 << 20;
+const MAX_FILE_BYTES: u64 = 64 << 20;
 /// Most bytes of all files of the folder; their largest number follows. The files that were not used for longest are
 /// removed.
-const MOST_IN_ALL: u64 = 256 << 20;
-const MOST_FILES: usize = 16;
+const MAX_FOLDER_BYTES: u64 = 256 << 20;
+const MAX_FILES: usize = 16;
 /// A file is marked as used no more often than this; an unfinished one that is older was left by a process that died.
 const DAY: Duration = Duration::from_secs(24 * 60 * 60);
 /// Beginning and end of the names of files, and the end of names of unfinished files (`oocpt_files::replace`).
@@ -62,7 +62,7 @@ impl CacheFile {
 
     /// The data that the driver stored last time; `None` if there is nothing usable.
     fn load(&self) -> Option<Vec<u8>> {
-        let bytes = match oocpt_files::read(&self.path, MOST_BYTES + HEADER_BYTES as u64) {
+        let bytes = match oocpt_files::read(&self.path, MAX_FILE_BYTES + HEADER_BYTES as u64) {
             Ok(bytes) => bytes,
             Err(error) if error.kind() == io::ErrorKind::NotFound => return None,
             Err(error) => {
@@ -86,7 +86,7 @@ impl CacheFile {
     /// Replaces the file unless it holds these bytes already.
     fn store(&self, payload: &[u8]) {
         let checksum = xxh3_64(payload);
-        if payload.len() as u64 > MOST_BYTES || self.stored.load(Ordering::Relaxed) == checksum {
+        if payload.len() as u64 > MAX_FILE_BYTES || self.stored.load(Ordering::Relaxed) == checksum {
             return;
         }
         let folder = self.path.parent().unwrap_or(Path::new("."));
@@ -136,7 +136,7 @@ impl CacheFile {
         let mut sum = files.iter().fold(own, |sum, (_, bytes, _)| sum.saturating_add(*bytes));
         let mut count = files.len() + 1;
         for (_, bytes, path) in files {
-            if sum <= MOST_IN_ALL && count <= MOST_FILES {
+            if sum <= MAX_FOLDER_BYTES && count <= MAX_FILES {
                 break;
             }
             remove(&path);
@@ -276,7 +276,7 @@ mod tests {
         let names: Vec<_> =
             std::fs::read_dir(&folder).expect("readable").map(|e| e.expect("entry").file_name()).collect();
         assert_eq!(names, ["pipelines.bin"], "nothing else is left there");
-        let huge = vec![1; usize::try_from(MOST_BYTES).expect("small") + 1];
+        let huge = vec![1; usize::try_from(MAX_FILE_BYTES).expect("small") + 1];
         file.store(&huge);
         assert_eq!(new().load().as_deref(), Some(&b"device two"[..]), "too large to be stored");
         std::fs::remove_dir_all(folder.parent().expect("made above")).expect("own files can be removed");
@@ -310,7 +310,7 @@ mod tests {
             .map(|entry| entry.expect("entry").file_name().to_string_lossy().into_owned())
             .collect();
         names.sort();
-        let mut expected: Vec<String> = (1..MOST_FILES).map(|day| format!("pipelines-00-{day:08x}-00.bin")).collect();
+        let mut expected: Vec<String> = (1..MAX_FILES).map(|day| format!("pipelines-00-{day:08x}-00.bin")).collect();
         let others =
             ["letter.txt", "pipelines-00-00-01.bin.8-0.tmp", "pipelines-of-mine.bin", "pipelines-00-0000002a-00.bin"];
         expected.extend(others.map(str::to_owned));

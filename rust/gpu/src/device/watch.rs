@@ -14,7 +14,7 @@ use ash::vk::{self, Handle as _};
 /// as a float it is -431 602 080.
 pub(crate) const POISON: u8 = 0xCD;
 /// Bytes of an allocation that are poisoned at most, from its start: the rest is not worth the time.
-const MOST_POISON: u64 = 64 << 20;
+const MAX_POISONED_BYTES: u64 = 64 << 20;
 
 /// A call that can be made to fail.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -207,7 +207,7 @@ unsafe extern "system" fn allocate_memory(
         // SAFETY: the driver has written it.
         let memory = unsafe { *memory };
         if watch.mappable >> index & 1 == 1 {
-            watch.poison(device, memory, bytes.min(MOST_POISON));
+            watch.poison(device, memory, bytes.min(MAX_POISONED_BYTES));
         }
         let handle = memory.as_raw();
         let mut state = watch.lock();

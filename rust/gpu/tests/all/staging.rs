@@ -25,7 +25,7 @@ fn pattern(piece: u64, i: usize) -> u8 {
 
 #[test]
 fn bytes_of_many_threads_arrive_whole() {
-    const LARGEST: u64 = 100_000;
+    const MAX_BYTES: u64 = 100_000;
     let gpu = support::open();
     let before = gpu.memory();
     let ring = StagingRing::new(&gpu, 256 << 10).expect("a ring");
@@ -35,9 +35,9 @@ fn bytes_of_many_threads_arrive_whole() {
             let (gpu, ring, heap) = (&*gpu, &ring, &heap);
             scope.spawn(move || {
                 let mut next = random(thread);
-                let readback = Buffer::new(gpu, "readback", LARGEST, BufferUsage::Readback).expect("memory");
+                let readback = Buffer::new(gpu, "readback", MAX_BYTES, BufferUsage::Readback).expect("memory");
                 for round in 0..40 {
-                    let (bytes, align) = (4 * (1 + next(LARGEST / 4)), 4 << next(8));
+                    let (bytes, align) = (4 * (1 + next(MAX_BYTES / 4)), 4 << next(8));
                     let piece = thread * 1000 + round;
                     let range = heap.alloc("range", bytes, 16).expect("memory");
                     let mut slice = ring.reserve(bytes, align).expect("space");

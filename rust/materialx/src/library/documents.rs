@@ -10,7 +10,7 @@ use std::time::SystemTime;
 use super::NodeLibrary;
 
 /// Most libraries that are kept.
-const MOST_KEPT: usize = 32;
+const MAX_LIBRARIES: usize = 32;
 
 /// A file, and the time and size by which a change is noticed.
 type FileStamp = (PathBuf, Option<SystemTime>, u64);
@@ -33,7 +33,7 @@ pub fn with_documents(library: &NodeLibrary, files: &[PathBuf]) -> Arc<NodeLibra
     }
     let made = Arc::new(library.with_files(files));
     let mut kept = lock();
-    if kept.len() >= MOST_KEPT {
+    if kept.len() >= MAX_LIBRARIES {
         kept.remove(0);
     }
     kept.push((stamps, Arc::clone(&made)));

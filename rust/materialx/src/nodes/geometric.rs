@@ -110,7 +110,7 @@ impl NetworkWalker<'_> {
     fn facing_ratio(&mut self, at: NodeAddress) -> Val {
         let is_authored = self.is_authored(at, "viewdirection");
         let toward = if is_authored { self.number_or(at, "viewdirection", 0.0) } else { self.view_direction(at) };
-        let normal = self.said_or(at, "normal", Geometry::Normal);
+        let normal = self.declared_or(at, "normal", Geometry::Normal);
         let facing = self.number(at, "faceforward").unwrap_or(Val::ONE);
         let invert = self.number_or(at, "invert", 0.0);
         let e = &mut self.expressions;
@@ -122,7 +122,7 @@ impl NetworkWalker<'_> {
     }
 
     /// The authored value of an input, else that of the surface.
-    fn said_or(&mut self, at: NodeAddress, name: &str, what: Geometry) -> Val {
+    fn declared_or(&mut self, at: NodeAddress, name: &str, what: Geometry) -> Val {
         let authored = if self.is_authored(at, name) { self.number(at, name) } else { None };
         authored.unwrap_or_else(|| self.expressions.geometry(what))
     }
@@ -147,13 +147,13 @@ impl NetworkWalker<'_> {
             let across = e.binary(Op::Cross, normal, tangent);
             return e.normalize(across, 3);
         }
-        self.said_or(at, "bitangent", Geometry::Bitangent)
+        self.declared_or(at, "bitangent", Geometry::Bitangent)
     }
 
     /// Returns true if a normal is about the surface's own normal and tangents.
     pub(crate) fn is_own_frame(&mut self, at: NodeAddress) -> bool {
         let own = [("normal", Geometry::Normal), ("tangent", Geometry::Tangent), ("bitangent", Geometry::Bitangent)];
-        own.into_iter().all(|(name, what)| self.said_or(at, name, what) == self.expressions.geometry(what))
+        own.into_iter().all(|(name, what)| self.declared_or(at, name, what) == self.expressions.geometry(what))
     }
 
     /// The vector that a normal map encodes, 2 x - 1, not normalised.
@@ -229,7 +229,7 @@ impl NetworkWalker<'_> {
     /// A vector in the frame of the surface, about the normal that a node sets.
     pub(super) fn in_world(&mut self, at: NodeAddress, local: Val) -> Val {
         let normal = self.number(at, "normal").unwrap_or_else(|| self.expressions.geometry(Geometry::Normal));
-        let tangent = self.said_or(at, "tangent", Geometry::Tangent);
+        let tangent = self.declared_or(at, "tangent", Geometry::Tangent);
         let bitangent = self.bitangent(at, normal, tangent);
         let e = &mut self.expressions;
         let frame = [tangent, bitangent, normal];

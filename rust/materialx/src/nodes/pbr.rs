@@ -6,7 +6,7 @@ use crate::program::Op;
 use crate::walk::{NetworkWalker, NodeAddress};
 
 /// Least square of a roughness.
-const LEAST: f32 = 1.0e-8;
+const MIN_ALPHA: f32 = 1.0e-8;
 
 impl NetworkWalker<'_> {
     pub(super) fn pbr(&mut self, at: NodeAddress, category: &str, output: &str) -> Option<Val> {
@@ -16,7 +16,7 @@ impl NetworkWalker<'_> {
                 let anisotropy = self.number_or(at, "anisotropy", 0.0);
                 let e = &mut self.expressions;
                 let alpha = e.multiply(roughness, roughness);
-                let alpha = e.op(Op::Clamp, [alpha, Val::number(LEAST), Val::ONE], 0);
+                let alpha = e.op(Op::Clamp, [alpha, Val::number(MIN_ALPHA), Val::ONE], 0);
                 let less = e.op(Op::Clamp, [anisotropy, Val::ZERO, Val::number(0.98)], 0);
                 if less.is(0.0, 1) {
                     return Some(alpha);
@@ -36,7 +36,7 @@ impl NetworkWalker<'_> {
                 let across = e.op(Op::Select, [along, across, is_negative], 0);
                 let both = e.combine(&[along, across]);
                 let square = e.multiply(both, both);
-                e.op(Op::Clamp, [square, Val::number(LEAST), Val::ONE], 0)
+                e.op(Op::Clamp, [square, Val::number(MIN_ALPHA), Val::ONE], 0)
             }
             "blackbody" => self.blackbody(at),
             "artistic_ior" => self.artistic_ior(at, output == "extinction"),

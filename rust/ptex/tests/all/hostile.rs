@@ -9,9 +9,9 @@ use crate::support::{fixture, open};
 use crate::tiles::{four_tiles, one_face, tiled};
 
 /// Bytes above which faces are not read, as by callers that ask first.
-const MOST_FACE_BYTES: u64 = 1 << 16;
+const MAX_FACE_BYTES: u64 = 1 << 16;
 /// Most memory of a process of all tests of this crate, KiB. It is far less than the files ask for.
-const MOST_RESIDENT: u64 = 400 << 10;
+const MAX_RESIDENT_KIB: u64 = 400 << 10;
 
 /// Steele, Lea & Flood 2014, `SplitMix64`.
 struct Random(u64);
@@ -155,7 +155,7 @@ fn use_file(file: &PtexFile, out: &mut Vec<u8>, seen: &mut Seen) {
         let face = &file.faces()[number as usize];
         assert!(face.adjacent.iter().flatten().all(|(face, edge)| (*face as usize) < faces && *edge < 4), "neighbours");
         match file.face_bytes(number) {
-            Ok(bytes) if bytes <= MOST_FACE_BYTES => {
+            Ok(bytes) if bytes <= MAX_FACE_BYTES => {
                 let is_read = file.read_face(number, out).is_ok();
                 assert!(out.len() as u64 <= bytes && (!is_read || out.len() as u64 == bytes), "{} bytes", out.len());
                 seen.faces_read += u32::from(is_read);
@@ -198,11 +198,11 @@ fn mutated_files_never_panic_and_use_little_memory() {
             Err(_) => seen.refused += 1,
         }
     }
-    assert!(out.capacity() as u64 <= 2 * MOST_FACE_BYTES, "no more than faces have: {}", out.capacity());
+    assert!(out.capacity() as u64 <= 2 * MAX_FACE_BYTES, "no more than faces have: {}", out.capacity());
     // Unless all ways are taken, the changes are too rough or too fine.
     assert!(seen.refused > 10_000 && seen.faces_read > 10_000 && seen.faces_refused > 3000, "{seen:?}");
     if let Some(peak) = resident_peak_kib() {
-        assert!(peak < MOST_RESIDENT, "{peak} KiB of memory");
+        assert!(peak < MAX_RESIDENT_KIB, "{peak} KiB of memory");
     }
 }
 

@@ -45,7 +45,7 @@ impl FillerSignal {
 
     /// Waits until the heap has been used; returns false when the thread is to end.
     fn wait(&self) -> bool {
-        let is_idle = |state: &mut FillerState| !state.is_stopped && !(state.is_enabled && state.is_used);
+        let is_idle = |state: &mut FillerState| !(state.is_stopped || state.is_enabled && state.is_used);
         let state = self.changed.wait_while(lock(&self.state), is_idle);
         let mut state = state.unwrap_or_else(PoisonError::into_inner);
         state.is_used = false;

@@ -22,9 +22,9 @@ use std::ops::Range;
 use std::time::Duration;
 
 /// Most bytes that a command writes: the limit of Vulkan.
-const MOST_BYTES: usize = 64 << 10;
+const MAX_UPDATE_BYTES: usize = 64 << 10;
 /// Unchanged bytes between two changed entries that are written along: a command costs more than these.
-const MOST_BETWEEN: usize = 1 << 10;
+const MAX_GAP_BYTES: usize = 1 << 10;
 /// The longest time that writing the tables may take before the device counts as lost.
 const WRITE_TIMEOUT: Duration = Duration::from_secs(60);
 
@@ -261,7 +261,7 @@ fn write<T: Pod>(commands: &mut CommandList, table: &HeapRange, entries: &[T], p
 /// Ranges that hold all of `places` (sorted) and few others, none longer than a command takes; entries have so many
 /// bytes.
 fn runs(places: &[usize], bytes: usize) -> Vec<Range<usize>> {
-    let (most, between) = (MOST_BYTES / bytes, MOST_BETWEEN / bytes);
+    let (most, between) = (MAX_UPDATE_BYTES / bytes, MAX_GAP_BYTES / bytes);
     let mut runs: Vec<Range<usize>> = Vec::new();
     for &at in places {
         match runs.last_mut().filter(|run| at < run.end + between && at < run.start + most) {
@@ -387,7 +387,7 @@ mod tests {
         assert!(runs(&[], 8).is_empty(), "nothing changed");
         assert_eq!(runs(&[3, 5, 5, 4000, 4001], 8), [3..6, 4000..4002], "what is near goes together");
         for bytes in [size_of::<u64>(), size_of::<GpuMesh>(), size_of::<GpuChunk>()] {
-            let most = MOST_BYTES / bytes;
+            let most = MAX_UPDATE_BYTES / bytes;
             let dense: Vec<usize> = (0..3 * most).step_by(2).collect();
             let cut = runs(&dense, bytes);
             assert!(cut.iter().all(|run| run.len() <= most), "{cut:?}");

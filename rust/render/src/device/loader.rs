@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Threads that fill pinned staging memory, one set for each open device, shared by its sessions.
 //!
-//! One thread per core up to [`MOST_THREADS`], since one thread fills only a quarter of the bus.
+//! One thread per core up to [`MAX_THREADS`], since one thread fills only a quarter of the bus.
 
 use crate::device::reading::ReadingLimit;
 use crate::error::RenderError;
@@ -11,12 +11,12 @@ use std::sync::Arc;
 use std::thread::JoinHandle;
 
 /// Most threads that fill staging memory.
-const MOST_THREADS: usize = 16;
+const MAX_THREADS: usize = 16;
 /// Pinned staging memory per thread, bytes.
 const RING_PER_THREAD: u64 = 8 << 20;
 
 fn thread_count() -> usize {
-    std::thread::available_parallelism().map_or(1, usize::from).min(MOST_THREADS)
+    std::thread::available_parallelism().map_or(1, usize::from).min(MAX_THREADS)
 }
 
 /// A task of a loader thread. Must not panic.

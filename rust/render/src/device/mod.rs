@@ -30,7 +30,7 @@ use xxhash_rust::xxh3::Xxh3;
 /// Size of the arenas that hold scene data, bytes.
 const ARENA_BYTES: u64 = 64 << 20;
 /// Size of the smallest arenas, bytes.
-const LEAST_ARENA_BYTES: u64 = 1 << 20;
+const MIN_ARENA_BYTES: u64 = 1 << 20;
 /// Share of the budget that an arena takes at most: under a small budget, other arenas need room too.
 const ARENA_SHARE: u64 = 16;
 /// The longest time that one submission of a frame may take before the device counts as lost.
@@ -145,7 +145,7 @@ impl Device {
             ..OpenOptions::default()
         })?;
         tracing::info!(device = gpu.report().name, "opened");
-        let arena = (gpu.memory().budget / ARENA_SHARE).clamp(LEAST_ARENA_BYTES, ARENA_BYTES);
+        let arena = (gpu.memory().budget / ARENA_SHARE).clamp(MIN_ARENA_BYTES, ARENA_BYTES);
         let heap = Heap::new(&gpu, "scene", arena)?;
         let device = Arc::new(Self {
             gpu,

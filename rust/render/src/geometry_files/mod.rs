@@ -57,7 +57,7 @@ pub(crate) struct GeometryFiles {
     /// True if a write failed; nothing is written from then on.
     failed: AtomicBool,
     /// True if the user was told of a damaged entry.
-    told: AtomicBool,
+    is_reported: AtomicBool,
     shared: Weak<SharedState>,
 }
 
@@ -82,7 +82,7 @@ impl GeometryFiles {
             setting,
             packs: Mutex::default(),
             failed: AtomicBool::new(false),
-            told: AtomicBool::new(false),
+            is_reported: AtomicBool::new(false),
             shared: Arc::downgrade(shared),
         }
     }
@@ -236,7 +236,7 @@ impl MeshFiles for GeometryFiles {
             pack.forget();
             pack.path().into_iter().for_each(|path| remove(path));
         }
-        if !self.told.swap(true, Ordering::Relaxed) {
+        if !self.is_reported.swap(true, Ordering::Relaxed) {
             let folder = self.setting.folder.display();
             self.complain(format!("geometry files in {folder}: {error}; what cannot be read is built again"));
         }

@@ -24,7 +24,7 @@ const VERSION: u32 = 1;
 /// Alignment of records.
 const ALIGN: u64 = 64;
 /// Largest table and head: they are read before their hash is known.
-const MOST_HEAD: u64 = 256 << 20;
+const MAX_HEAD_BYTES: u64 = 256 << 20;
 /// Largest payload that is read and written in one piece.
 const ONE_PIECE: u64 = 256 << 10;
 
@@ -149,7 +149,7 @@ impl PackFile {
         let length = self.file.metadata().map_err(read_error)?.len();
         let header = RecordHeader::read(&self.file, at, length).ok_or(PayloadError::Damaged)?;
         let table = u64::from(header.payloads) * size_of::<PayloadPlace>() as u64;
-        if table.saturating_add(header.head_bytes) > MOST_HEAD {
+        if table.saturating_add(header.head_bytes) > MAX_HEAD_BYTES {
             return Err(PayloadError::Damaged);
         }
         let bytes = |count: u64| usize::try_from(count).ok().ok_or(PayloadError::Damaged);
@@ -181,7 +181,7 @@ impl PackFile {
         let too_large = || io::Error::from(io::ErrorKind::FileTooLarge);
         let table = (payloads.len() * size_of::<PayloadPlace>()) as u64;
         let first = size_of::<RecordHeader>() as u64 + table + head.len() as u64;
-        if first > MOST_HEAD {
+        if first > MAX_HEAD_BYTES {
             return Err(too_large());
         }
         let record_bytes = first + payloads.iter().map(size).sum::<u64>();

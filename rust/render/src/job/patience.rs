@@ -23,13 +23,13 @@ pub(crate) enum WaitVerdict {
 pub(crate) struct LoadWait {
     since: Instant,
     every: Duration,
-    told: u32,
+    reports: u32,
 }
 
 impl LoadWait {
     /// Begins a wait at `now`.
     pub(crate) fn new(now: Instant) -> Self {
-        Self { since: now, every: MINUTE, told: 0 }
+        Self { since: now, every: MINUTE, reports: 0 }
     }
 
     /// Sets the interval between two reports.
@@ -40,7 +40,7 @@ impl LoadWait {
 
     /// Notes that something has come.
     pub(crate) fn came(&mut self, now: Instant) {
-        (self.since, self.told) = (now, 0);
+        (self.since, self.reports) = (now, 0);
     }
 
     /// Notes the time at which something came last.
@@ -56,16 +56,16 @@ impl LoadWait {
             return WaitVerdict::Over;
         }
         let waited = now.saturating_duration_since(self.since);
-        if waited < self.every.saturating_mul(self.told.saturating_add(1)) {
+        if waited < self.every.saturating_mul(self.reports.saturating_add(1)) {
             return WaitVerdict::Wait;
         }
-        self.told = self.told.saturating_add(1);
+        self.reports = self.reports.saturating_add(1);
         WaitVerdict::Tell(waited)
     }
 }
 
 /// The text of the report.
-pub(crate) fn told(what: &str, count: usize, waited: Duration) -> String {
+pub(crate) fn report_text(what: &str, count: usize, waited: Duration) -> String {
     let s = if count == 1 { "" } else { "s" };
     format!("still waiting for {count} {what}{s} to be loaded: nothing has come for {} s", waited.as_secs())
 }
@@ -79,11 +79,11 @@ mod tests {
         let start = Instant::now();
         let at = |secs| start + Duration::from_secs(secs);
         let mut patience = LoadWait::new(start);
-        let told = (0..7200).filter(|secs| match patience.check(at(*secs), true) {
+        let reports = (0..7200).filter(|secs| match patience.check(at(*secs), true) {
             WaitVerdict::Tell(waited) => waited == Duration::from_secs(*secs),
             verdict => verdict == WaitVerdict::Over,
         });
-        assert_eq!(told.collect::<Vec<_>>(), (1..120).map(|minute| 60 * minute).collect::<Vec<_>>());
+        assert_eq!(reports.collect::<Vec<_>>(), (1..120).map(|minute| 60 * minute).collect::<Vec<_>>());
         patience.came(at(7200));
         assert_eq!(patience.check(at(7259), true), WaitVerdict::Wait, "a new wait");
         assert_eq!(patience.check(at(7260), true), WaitVerdict::Tell(Duration::from_secs(60)));

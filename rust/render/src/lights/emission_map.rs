@@ -2,8 +2,9 @@
 //! The emission of a picture by place, with which triangles that show it are weighted. Only choices depend on it, never
 //! radiance.
 //!
-//! Bounds: a map has at most 256 x 256 cells and a third more; making it reads at most [`MOST_BYTES`] of a picture,
-//! from the coarsest level that is fine enough, in evenly spaced rows if that level is larger. Render thread only.
+//! Bounds: a map has at most 256 x 256 cells and a third more; making it reads at most [`MAX_PICTURE_BYTES`] of a
+//! picture, from the coarsest level that is fine enough, in evenly spaced rows if that level is larger. Render thread
+//! only.
 
 use super::emission_weight;
 use crate::textures::{ImageError, SourceImage};
@@ -13,13 +14,13 @@ use oocpt_core::texture::{TexelFormat, TextureRef, Wrap, expand, is_srgb, linear
 /// Most cells along an axis.
 const SIDE: u32 = 256;
 /// Most bytes read of a picture.
-const MOST_BYTES: u64 = 64 << 20;
+const MAX_PICTURE_BYTES: u64 = 64 << 20;
 /// Most samples along an edge of a triangle.
 pub(super) const LATTICE: u32 = 8;
 /// Share of the mean that counts everywhere: light that cells do not show is found all the same.
 const FLOOR: f64 = 0.05;
 /// Largest value of a channel that counts.
-pub(super) const MOST: f64 = 1e30;
+pub(super) const MAX_RADIANCE: f64 = 1e30;
 
 /// The operations of an input on a texel.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,7 +35,7 @@ impl TexelFinish {
     pub(super) fn color(&self, texel: [f64; 4], is_texel: bool) -> [f64; 3] {
         let at = |k: usize| {
             let value = if is_texel { texel[k] * f64::from(self.scale[k]) + f64::from(self.bias[k]) } else { texel[k] };
-            if value > 0.0 { value.min(MOST) } else { 0.0 }
+            if value > 0.0 { value.min(MAX_RADIANCE) } else { 0.0 }
         };
         match self.channel {
             Some(channel) => [at(usize::from(channel.min(3))); 3],
@@ -78,10 +79,10 @@ impl EmissionMap {
         let level = info.levels.iter().rposition(is_enough).unwrap_or(0);
         let [width, height] = info.levels.get(level).copied().unwrap_or_default();
         let row_bytes = u64::from(width) * texel_bytes as u64;
-        if row_bytes == 0 || height == 0 || row_bytes > MOST_BYTES {
+        if row_bytes == 0 || height == 0 || row_bytes > MAX_PICTURE_BYTES {
             return Err(ImageError(format!("{width} x {height} texels")));
         }
-        let rows = u32::try_from(MOST_BYTES / row_bytes).unwrap_or(u32::MAX).min(height);
+        let rows = u32::try_from(MAX_PICTURE_BYTES / row_bytes).unwrap_or(u32::MAX).min(height);
         let is_encoded = is_srgb(&texture.color_space, info.is_srgb, info.format, info.channels);
         let size = [width, rows].map(|n| 1 << n.min(SIDE).ilog2());
         let mut sums = vec![[0.0_f64; 2]; (size[0] * size[1]) as usize];

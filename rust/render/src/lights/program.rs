@@ -7,7 +7,7 @@
 //! in the mesh's frame or Ptex, those with more lookups than a path has places for beside its own, those that read
 //! primvars of instances, and meshes that are black wherever the lattice samples them.
 
-use super::emission_map::{EmissionMap, LATTICE, MOST, lattice};
+use super::emission_map::{EmissionMap, LATTICE, MAX_RADIANCE, lattice};
 use super::{emission_weight, narrow};
 use oocpt_abi::{AttributeRate, NAME_FRAME_X, NAME_FRAME_Y, NAME_NORMAL, NAME_POSITION, NAME_PTEX};
 use oocpt_core::Material;
@@ -17,9 +17,9 @@ use oocpt_core::mesh::{AnyAttribute, MeshAsset};
 use std::sync::Arc;
 
 /// Lookups that a path has places for, its material's and the light's together.
-const MOST_LOOKUPS: usize = 16;
+const MAX_LOOKUPS: usize = 16;
 /// Most instructions that are run for a mesh.
-const MOST_WORK: usize = 1 << 24;
+const MAX_INSTRUCTIONS: usize = 1 << 24;
 /// Share of the mean over the mesh that counts everywhere: light that the lattice does not show is found all the same.
 const FLOOR: f64 = 0.05;
 
@@ -64,7 +64,7 @@ impl EmissionProgram {
     ) -> Option<Self> {
         let emission = material.emission.as_ref()?;
         let program = &emission.program;
-        if program.lookups.len() + most_lookups > MOST_LOOKUPS {
+        if program.lookups.len() + most_lookups > MAX_LOOKUPS {
             return None;
         }
         let reads = |geometry: Geometry| {
@@ -133,7 +133,7 @@ impl EmissionProgram {
     /// Steps along an edge of the lattices over the triangles of a mesh; 0 if that is too much work, or the host cannot
     /// evaluate it.
     pub(super) fn steps(&self, triangles: usize) -> u32 {
-        let points = MOST_WORK / (triangles * self.program.instructions.len()).max(1);
+        let points = MAX_INSTRUCTIONS / (triangles * self.program.instructions.len()).max(1);
         if self.is_known { u32::try_from(points.isqrt()).unwrap_or(LATTICE).min(LATTICE) } else { 0 }
     }
 
@@ -173,7 +173,7 @@ impl EmissionProgram {
         };
         let registers = run(&self.program, surface, texel);
         let [r, g, b, _] = registers.get(usize::from(self.register)).copied().unwrap_or_default();
-        emission_weight([r, g, b].map(|v| f64::from(v).clamp(0.0, MOST)))
+        emission_weight([r, g, b].map(|v| f64::from(v).clamp(0.0, MAX_RADIANCE)))
     }
 }
 
@@ -303,7 +303,7 @@ mod tests {
     fn emission_program_evaluations_are_bounded() {
         let program = made(&above_one(Geometry::Primvar0, 0.0)).expect("light can be asked for it");
         assert_eq!(program.steps(1), LATTICE);
-        assert!((1..LATTICE).contains(&program.steps(MOST_WORK / 64)), "fewer points for many triangles");
-        assert_eq!(program.steps(MOST_WORK), 0, "too many");
+        assert!((1..LATTICE).contains(&program.steps(MAX_INSTRUCTIONS / 64)), "fewer points for many triangles");
+        assert_eq!(program.steps(MAX_INSTRUCTIONS), 0, "too many");
     }
 }

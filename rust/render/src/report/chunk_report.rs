@@ -12,7 +12,7 @@ use std::io::{Error, ErrorKind};
 use std::path::{Path, PathBuf};
 
 /// Longest report that is read, bytes.
-const LONGEST: u64 = 4 << 30;
+const MAX_REPORT_BYTES: u64 = 4 << 30;
 /// The version of the format.
 pub const VERSION: u32 = 1;
 /// The bytes that every report begins with.
@@ -145,8 +145,8 @@ impl ChunkReport {
     /// # Errors
     /// [`ChunkReportError`] if the file cannot be read, holds something else, or an index is out of range.
     pub fn read(path: &Path) -> Result<Self, ChunkReportError> {
-        let json =
-            oocpt_files::read(path, LONGEST).map_err(|source| ChunkReportError::File { path: path.into(), source })?;
+        let json = oocpt_files::read(path, MAX_REPORT_BYTES)
+            .map_err(|source| ChunkReportError::File { path: path.into(), source })?;
         let report: Self =
             serde_json::from_slice(&json).map_err(|source| ChunkReportError::Content { path: path.into(), source })?;
         let chunks = report.chunks.len();

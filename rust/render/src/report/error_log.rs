@@ -23,7 +23,7 @@ use std::borrow::Cow;
 use std::path::Path;
 
 /// Fewest samples after which the error may count as small enough: with fewer, its estimate is too uncertain.
-const FEWEST_TO_STOP: u32 = 4;
+const MIN_SAMPLES_TO_STOP: u32 = 4;
 
 /// The clock and counters of a row.
 #[derive(Clone, Copy, Debug, Default)]
@@ -64,7 +64,7 @@ impl ErrorLog {
                 .inspect_err(|error| shared.report(Severity::Warning, format!("oocpt:reference: {error}")))
                 .ok(),
         };
-        let open = if target > 0.0 { pixels << FEWEST_TO_STOP } else { u64::MAX };
+        let open = if target > 0.0 { pixels << MIN_SAMPLES_TO_STOP } else { u64::MAX };
         let has_halves = job.settings.adaptive_sampling;
         Self {
             convergence: ConvergenceEstimator::default(),
@@ -83,7 +83,7 @@ impl ErrorLog {
     pub(crate) fn begin_again(&mut self) {
         self.convergence = ConvergenceEstimator::default();
         self.is_good = false;
-        self.open = if self.target > 0.0 { self.pixels << FEWEST_TO_STOP } else { u64::MAX };
+        self.open = if self.target > 0.0 { self.pixels << MIN_SAMPLES_TO_STOP } else { u64::MAX };
         self.last = None;
     }
 
@@ -146,8 +146,8 @@ impl ErrorLog {
     fn decide(&mut self, octave: u32, estimate: Option<ErrorEstimate>) {
         let (_, next) = next_boundary(self.pixels << octave, self.pixels);
         let is_good = estimate.is_some_and(|estimate| estimate.high <= self.target);
-        self.is_good = self.target > 0.0 && octave >= FEWEST_TO_STOP && is_good;
-        if self.target > 0.0 && octave >= FEWEST_TO_STOP && !is_good && self.open < next {
+        self.is_good = self.target > 0.0 && octave >= MIN_SAMPLES_TO_STOP && is_good;
+        if self.target > 0.0 && octave >= MIN_SAMPLES_TO_STOP && !is_good && self.open < next {
             self.open = next;
         }
     }

@@ -18,7 +18,7 @@ use std::path::Path;
 /// The version of the format.
 pub const VERSION: u32 = 1;
 /// Longest report that is read, bytes; a report is data from strangers.
-const LONGEST: u64 = 64 << 20;
+const MAX_REPORT_BYTES: u64 = 64 << 20;
 /// The bytes that every report begins with.
 const MAGIC: &[u8] = b"{\"oocptErrorReport\":";
 
@@ -90,7 +90,7 @@ impl ErrorReport {
     pub fn read_all(path: &Path) -> Result<Vec<Self>> {
         let mut reports: Vec<Self> = Vec::new();
         let mut broken = None;
-        for (number, line) in BufReader::new(oocpt_files::open(path)?.take(LONGEST)).lines().enumerate() {
+        for (number, line) in BufReader::new(oocpt_files::open(path)?.take(MAX_REPORT_BYTES)).lines().enumerate() {
             let line = line?;
             if let Some(error) = broken.take() {
                 return Err(error);

@@ -16,7 +16,7 @@ pub const VERSION: u32 = 1;
 /// The bytes that every report begins with.
 const MAGIC: &[u8] = b"{\"oocptMaterialReport\":";
 /// Longest report that is read, bytes.
-const LONGEST: u64 = 1 << 30;
+const MAX_REPORT_BYTES: u64 = 1 << 30;
 
 /// All materials of a scene, whether a mesh shows them or not.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -77,7 +77,7 @@ impl MaterialReport {
     /// [`MaterialReportError`] if the file cannot be read, holds something else or is of another version.
     pub fn read(path: &Path) -> Result<Self, MaterialReportError> {
         let fail = |source: Error| MaterialReportError::File { path: path.into(), source };
-        let json = oocpt_files::read(path, LONGEST).map_err(fail)?;
+        let json = oocpt_files::read(path, MAX_REPORT_BYTES).map_err(fail)?;
         let report: Self = serde_json::from_slice(&json).map_err(|error| fail(error.into()))?;
         if report.version != VERSION {
             return Err(MaterialReportError::Version { path: path.into(), version: report.version });

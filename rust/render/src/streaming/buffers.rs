@@ -4,7 +4,7 @@
 
 use super::needs::StreamingNeeds;
 use super::observe::{StepExtents, StepObservation};
-use super::optional_buffers::{LOOKUP_BYTES, RouletteBuffers, TextureBuffers, list_questions, question_bytes};
+use super::optional_buffers::{LOOKUP_BYTES, RouletteBuffers, TextureBuffers, alpha_test_bytes, list_alpha_tests};
 use super::places::{PlaceBounds, RadiancePlaces, device_bytes};
 use crate::error::RenderError;
 use crate::wavefront::{PathBuffers, PathNeeds};
@@ -17,7 +17,7 @@ use oocpt_gpu::{Buffer, BufferUsage, CommandList, Gpu, GpuError};
 use std::sync::Arc;
 
 /// Most units whose demand the host reads in a step, 16 bytes each; the others ask again in the next step.
-const MOST_LISTED: u32 = 1 << 16;
+const MAX_LISTED_UNITS: u32 = 1 << 16;
 
 /// The device and readback buffers of a streaming render.
 #[derive(Debug)]
@@ -26,7 +26,7 @@ pub(crate) struct StreamBuffers {
     pub(crate) paths: PathBuffers,
     pub(crate) ended: RadiancePlaces,
     /// The requested number of paths, in flight and in all; memory may have allowed fewer.
-    asked: (u64, u64),
+    requested: (u64, u64),
     needs: StreamingNeeds,
     textures: Option<TextureBuffers>,
     roulette: Option<RouletteBuffers>,
@@ -59,7 +59,7 @@ impl StreamBuffers {
     pub(crate) fn new(
         gpu: &Arc<Gpu>,
         capacity: u32,
-        (asked, host_bytes): ((u64, u64), u64),
+        (requested, host_bytes): ((u64, u64), u64),
         needs: StreamingNeeds,
     ) -> Result<Self, GpuError> {
         let array = |name: &str, count: u32, stride: usize| {
@@ -68,7 +68,7 @@ impl StreamBuffers {
         let slots = |name: &str, stride: usize| array(name, capacity, stride);
         let needs = needs.at_least_one();
         let StreamingNeeds { levels, geometry, units, .. } = needs;
-        let ended = RadiancePlaces::new(gpu, capacity, PlaceBounds { total: asked.1, host_bytes })?;
+        let ended = RadiancePlaces::new(gpu, capacity, PlaceBounds { total: requested.1, host_bytes })?;
         let segment_count = ended.segment_count;
         let played = if needs.roulette { size_of::<RouletteStats>() + 4 * geometry as usize } else { 0 };
         let demand_bytes = StepExtents::demand_bytes(listed(needs) as usize);
@@ -82,7 +82,7 @@ impl StreamBuffers {
         let buffers = Self {
             paths: PathBuffers::new(gpu, capacity, levels, path_needs(needs))?,
             ended,
-            asked,
+            requested,
             needs,
             textures: needs.textures.then(|| TextureBuffers::new(needs, slots)).transpose()?,
             roulette: needs.roulette.then(|| RouletteBuffers::new(gpu, geometry)).transpose()?,
@@ -144,12 +144,12 @@ impl StreamBuffers {
         let Some(textures) = &self.textures else {
             inventory.leave_out("resolve_queue", 4 * capacity);
             inventory.leave_out("resolve_progress", 4 * capacity);
-            return list_questions(None, capacity, inventory);
+            return list_alpha_tests(None, capacity, inventory);
         };
         for buffer in [&textures.resolve_queue, &textures.resolved, &textures.resolve_progress] {
             inventory.add(buffer.name(), buffer.size());
         }
-        list_questions(textures.questions.as_ref(), capacity, inventory);
+        list_alpha_tests(textures.alpha_tests.as_ref(), capacity, inventory);
     }
 
     /// Device bytes that grow with the slots.
@@ -158,16 +158,17 @@ impl StreamBuffers {
     }
 
     /// Returns true if this memory serves such a scene and so many paths, or is as much as can be allocated for them.
-    pub(crate) fn serves(&self, needs: StreamingNeeds, asked: (u64, u64)) -> bool {
-        let enough = self.asked.0 >= asked.0 && self.asked.1 >= asked.1;
+    pub(crate) fn serves(&self, needs: StreamingNeeds, requested: (u64, u64)) -> bool {
+        let enough = self.requested.0 >= requested.0 && self.requested.1 >= requested.1;
         self.needs == needs.at_least_one() && enough
     }
 
     fn block(&self) -> StreamingPointers {
         let textures = self.textures.as_ref();
         let of = |buffer: &dyn Fn(&TextureBuffers) -> &Buffer| textures.map_or(0, |t| buffer(t).address());
-        let questions =
-            |kind: usize| textures.and_then(|t| t.questions.as_ref()).map_or(0, |questions| questions[kind].address());
+        let alpha_tests = |kind: usize| {
+            textures.and_then(|t| t.alpha_tests.as_ref()).map_or(0, |alpha_tests| alpha_tests[kind].address())
+        };
         let roulette = |of: &dyn Fn(&RouletteBuffers) -> &Buffer| self.roulette.as_ref().map_or(0, |r| of(r).address());
         StreamingPointers {
             roulette: roulette(&|r| &r.block),
@@ -192,8 +193,8 @@ impl StreamBuffers {
             ended_radiance: self.ended.radiance.address(),
             free_slots: self.free_slots.address(),
             surface_materials: self.surface_materials.as_ref().map_or(0, Buffer::address),
-            questions: questions(0),
-            shadow_questions: questions(1),
+            alpha_tests: alpha_tests(0),
+            shadow_alpha_tests: alpha_tests(1),
             resolve_queue: of(&|textures| &textures.resolve_queue),
             resolved: of(&|textures| &textures.resolved),
             resolve_progress: of(&|textures| &textures.resolve_progress),
@@ -220,9 +221,9 @@ impl StreamBuffers {
         let Self { progress, free_slots, pending, deferred, segments, unit_rays, .. } = self;
         let always = [progress, free_slots, pending, &deferred[0], &deferred[1], segments, unit_rays];
         let textures = self.textures.as_ref();
-        let questions = textures.and_then(|textures| textures.questions.as_ref()).into_iter().flatten();
+        let alpha_tests = textures.and_then(|textures| textures.alpha_tests.as_ref()).into_iter().flatten();
         let waiting = self.shadow_pending.iter().chain(textures.map(|textures| &textures.resolve_queue));
-        always.into_iter().chain(waiting).chain(questions).collect()
+        always.into_iter().chain(waiting).chain(alpha_tests).collect()
     }
 
     /// Records commands that clear everything, before a stage.
@@ -317,7 +318,7 @@ pub(super) fn verdict_table(number: u64) -> u32 {
 
 /// Most units in the lists of demand.
 fn listed(needs: StreamingNeeds) -> u32 {
-    needs.units.min(MOST_LISTED)
+    needs.units.min(MAX_LISTED_UNITS)
 }
 
 /// Number of chunks that have the keys by which deferred rays, and with textures materials, are sorted.
@@ -335,7 +336,7 @@ fn path_needs(needs: StreamingNeeds) -> PathNeeds {
 pub(super) fn slot_bytes(gpu: &Gpu, needs: StreamingNeeds) -> u64 {
     let textures = if needs.textures { 8 + u64::from(needs.lookups) * LOOKUP_BYTES as u64 } else { 0 };
     let materials = if needs.materials { size_of::<GpuSurfaceMaterial>() as u64 } else { 0 };
-    let cutouts = if needs.cutouts { 2 * question_bytes(needs) as u64 } else { 0 };
+    let cutouts = if needs.cutouts { 2 * alpha_test_bytes(needs) as u64 } else { 0 };
     // The buffers progress, places, free_slots; two lists of deferred rays.
     let numbers = 3 * 4 + 2 * 8;
     let pending = (1 + u64::from(needs.shadows)) * size_of::<PendingItems>() as u64;

@@ -22,7 +22,7 @@ const REST_BYTES_BEFORE_WANTED: u64 = 64 << 20;
 /// The time of one wait for an asset.
 const WAIT: Duration = Duration::from_millis(20);
 /// Longest wait without an asset, after which rays are traced, whose own assets are loaded first.
-const LONGEST_WAIT: Duration = Duration::from_secs(1);
+const MAX_WAIT: Duration = Duration::from_secs(1);
 /// The most visited units count as resident when less than one part in so many of the device's geometry is in transit,
 /// after [`SETTLING_RAYS`].
 const SETTLED_SHARE: u64 = 32;
@@ -69,8 +69,8 @@ impl SceneResidency<'_> {
 
     fn map_most_wanted(&mut self, reach: &mut MappedUnits, demand: &RayDemand<'_>) -> Result<(), RenderError> {
         let waiting = |unit: UnitId| demand.waiting.get(unit as usize).copied().unwrap_or(0);
-        let asked = demand.asked.unwrap_or_default().iter().copied();
-        let mut wanted: Vec<UnitId> = asked.filter(|unit| waiting(*unit) > 0 && reach.is_absent(*unit)).collect();
+        let requested = demand.requested.unwrap_or_default().iter().copied();
+        let mut wanted: Vec<UnitId> = requested.filter(|unit| waiting(*unit) > 0 && reach.is_absent(*unit)).collect();
         // Units that the planner has begun are loaded to the device.
         wanted.retain(|unit| self.planner.state(*unit) != UnitState::Loading);
         let nothing_wanted = wanted.is_empty();
@@ -98,7 +98,7 @@ impl SceneResidency<'_> {
     /// says so, or if nothing arrives.
     pub(super) fn map_all(&mut self, gate: &FrameGate<'_>) -> Result<(), RenderError> {
         let (mut came, mut count) = (Instant::now(), 0);
-        while !self.is_all_there() && came.elapsed() < LONGEST_WAIT && gate.proceed() {
+        while !self.is_all_there() && came.elapsed() < MAX_WAIT && gate.proceed() {
             self.map_demanded(&RayDemand::default())?;
             self.advance(WAIT)?;
             if self.store.mapped_count() != count {

@@ -60,18 +60,18 @@ use std::time::Instant;
 use stragglers::StragglerRoulette;
 
 /// Most paths in slots.
-const MOST_PATHS: u64 = 1 << 25;
+const MAX_PATHS: u64 = 1 << 25;
 /// Most paths in slots if images are shown on the way: a round of them is short enough for stop and pause to take
 /// effect.
-const MOST_PATHS_INTERACTIVE: u64 = 1 << 22;
+const MAX_PATHS_INTERACTIVE: u64 = 1 << 22;
 /// Most paths in slots on a processor that traces in software.
-const MOST_PATHS_CPU: u64 = 1 << 14;
+const MAX_PATHS_CPU: u64 = 1 << 14;
 /// Fewest paths in slots.
-const FEWEST_PATHS: u64 = 1 << 12;
+const MIN_PATHS: u64 = 1 << 12;
 /// Approximate bytes of the buffers of a frame that do not grow with its paths.
 const SMALL_BUFFERS: u64 = 1 << 20;
 /// Smallest arena that is allocated ahead, bytes.
-const LEAST_RESERVED: u64 = 4 << 20;
+const MIN_RESERVED_BYTES: u64 = 4 << 20;
 /// One part in so many of the geometry's memory is left free for holes between ranges.
 const SLACK: u64 = 16;
 
@@ -201,9 +201,9 @@ fn make_buffers(
         roulette: job.settings.straggler_roulette,
         visits: maps_host(device, &job.settings),
     };
-    let most = if leaves_soon(job) { FEWEST_PATHS } else { most_paths(context) };
+    let most = if leaves_soon(job) { MIN_PATHS } else { most_paths(context) };
     let paths = job.request.pixels() * u64::from(job.settings.samples_per_pixel);
-    let wanted = paths.clamp(FEWEST_PATHS, most).next_power_of_two();
+    let wanted = paths.clamp(MIN_PATHS, most).next_power_of_two();
     if kept.as_ref().is_some_and(|buffers| buffers.serves(needs, (wanted, paths))) {
         return Ok(());
     }
@@ -219,7 +219,7 @@ fn make_buffers(
         cap: geometry_cap(job).unwrap_or(u64::MAX),
         maps: needs.visits,
         wanted,
-        fewest: FEWEST_PATHS,
+        fewest: MIN_PATHS,
     };
     let capacity = room.slots();
     // The tables of a streamed scene, and a little for the small buffers of a frame, come beside it.
@@ -228,7 +228,7 @@ fn make_buffers(
         scene.clear(device)?;
     }
     let host_bytes = host_memory::limit_of(HostMemoryUser::EndedPaths, &job.settings, 0, job.fixed_host_bytes);
-    *kept = Some(shrinking(capacity, FEWEST_PATHS, |capacity| {
+    *kept = Some(shrinking(capacity, MIN_PATHS, |capacity| {
         StreamBuffers::new(&device.gpu, capacity, ((wanted, paths), host_bytes), needs)
     })?);
     Ok(())
@@ -268,10 +268,10 @@ fn leaves_soon(job: &RenderJob) -> bool {
 fn most_paths(context: &FrameContext<'_>) -> u64 {
     let FrameContext { device, job, .. } = *context;
     match (context.is_frugal, is_cpu(device), job.settings.interactive) {
-        (true, ..) => FEWEST_PATHS,
-        (false, true, _) => MOST_PATHS_CPU,
-        (false, false, true) => MOST_PATHS_INTERACTIVE,
-        (false, false, false) => MOST_PATHS,
+        (true, ..) => MIN_PATHS,
+        (false, true, _) => MAX_PATHS_CPU,
+        (false, false, true) => MAX_PATHS_INTERACTIVE,
+        (false, false, false) => MAX_PATHS,
     }
 }
 
@@ -327,7 +327,7 @@ fn reserve(context: &FrameContext<'_>, scene: &DeviceScene, budget: u64) -> Resu
     let largest = scene.assets.largest_bytes;
     let dedicated = if largest > context.device.heap.largest_shared() { largest } else { 0 };
     let mut left = wanted.min(unused).saturating_sub(dedicated);
-    while left >= LEAST_RESERVED {
+    while left >= MIN_RESERVED_BYTES {
         match context.device.heap.reserve(left)? {
             0 => break,
             bytes => left = left.saturating_sub(bytes),

@@ -40,7 +40,7 @@ pub(crate) struct StepObservation {
     /// 1 + a unit that rays need at the same time as this one; 0 = none.
     pub(crate) partners: Vec<u32>,
     /// The units of which one of `waiting` and `next` is not 0, ascending.
-    pub(crate) asked: Vec<UnitId>,
+    pub(crate) requested: Vec<UnitId>,
     /// Rays that entered each chunk and mesh since the stage began, modulo 2^32; empty if they are not counted.
     pub(crate) visited: Vec<u32>,
     /// The statistics of roulette on loads.
@@ -79,7 +79,7 @@ impl StepObservation {
     }
 
     fn read_demand(&mut self, bytes: &[u8], units: usize) {
-        for unit in self.asked.drain(..) {
+        for unit in self.requested.drain(..) {
             for of_unit in [&mut self.waiting, &mut self.next, &mut self.partners] {
                 of_unit.get_mut(unit as usize).into_iter().for_each(|rays| *rays = 0);
             }
@@ -95,10 +95,10 @@ impl StepObservation {
             let of = (self.waiting.get_mut(at), self.next.get_mut(at), self.partners.get_mut(at));
             if let (Some(waits), Some(follows), Some(with)) = of {
                 (*waits, *follows, *with) = (waiting, next, partner);
-                self.asked.push(unit);
+                self.requested.push(unit);
             }
         }
-        self.asked.sort_unstable();
+        self.requested.sort_unstable();
     }
 
     /// Rays that can be traced, given the parity of the next round.
@@ -149,7 +149,7 @@ mod tests {
         assert!(seen.worth.is_empty(), "nobody plays");
         assert_eq!((seen.step, seen.active(), seen.waiting(), seen.paths_alive()), (3, 12, 9, 7), "counters, segments");
         assert_eq!(seen.waiting, [0, 0, 0, 0, 0, 0, 10, 0, 0], "waiting");
-        assert_eq!((&*seen.next, &*seen.asked), (&[0, 0, 21, 0, 0, 0, 20, 0, 0][..], &[2, 6][..]), "next");
+        assert_eq!((&*seen.next, &*seen.requested), (&[0, 0, 21, 0, 0, 0, 20, 0, 0][..], &[2, 6][..]), "next");
         assert_eq!(seen.partners, [0, 0, 0, 0, 0, 0, 3, 0, 0], "partners");
         let known = RouletteStats { mean: 0.5, ended_paths: 6, ..RouletteStats::default() };
         let played = [&*bytes(&[], 0), bytemuck::bytes_of(&known), bytemuck::cast_slice(&[30_u32, 31])].concat();
@@ -162,7 +162,7 @@ mod tests {
         let mut seen = StepObservation::default();
         seen.read(1, &bytes(&[[6, 10, 20, 9], [2, 1, 0, 0], [8, 1, 1, 0]], 3), EXTENTS);
         seen.read(2, &bytes(&[[2, 0, 4, 0]], 1), EXTENTS);
-        assert_eq!((&*seen.waiting, &*seen.asked), (&[0; 9][..], &[2][..]), "the others ask no more");
+        assert_eq!((&*seen.waiting, &*seen.requested), (&[0; 9][..], &[2][..]), "the others ask no more");
         assert_eq!((&*seen.next, &*seen.partners), (&[0, 0, 4, 0, 0, 0, 0, 0, 0][..], &[0; 9][..]), "next, partners");
     }
 
@@ -170,6 +170,6 @@ mod tests {
     fn out_of_range_feedback_is_ignored() {
         let mut seen = StepObservation::default();
         seen.read(1, &bytes(&[[0, 1, 2, 0], [9, 3, 3, 0], [5, 1, 0, 77]], 4_000_000_000), EXTENTS);
-        assert_eq!(seen.asked, [0, 5], "unit 9 of 9 is none, a fourth entry was not kept");
+        assert_eq!(seen.requested, [0, 5], "unit 9 of 9 is none, a fourth entry was not kept");
     }
 }

@@ -16,8 +16,8 @@ pub(super) struct TextureBuffers {
     pub(super) resolve_queue: Buffer,
     pub(super) resolved: Buffer,
     pub(super) resolve_progress: Buffer,
-    /// With cutouts: the questions of the closest ray and of the shadow ray.
-    pub(super) questions: Option<[Buffer; 2]>,
+    /// With cutouts: the deferred tests of the closest ray and of the shadow ray.
+    pub(super) alpha_tests: Option<[Buffer; 2]>,
 }
 
 /// The buffers that only roulette on loads needs.
@@ -47,29 +47,29 @@ impl TextureBuffers {
         needs: StreamingNeeds,
         slots: impl Fn(&str, usize) -> Result<Buffer, GpuError>,
     ) -> Result<Self, GpuError> {
-        let bytes = question_bytes(needs);
-        let questions = || Ok([slots("questions", bytes)?, slots("shadow_questions", bytes)?]);
+        let bytes = alpha_test_bytes(needs);
+        let alpha_tests = || Ok([slots("alpha_tests", bytes)?, slots("shadow_alpha_tests", bytes)?]);
         Ok(Self {
             resolve_queue: slots("resolve_queue", 4)?,
             resolved: slots("resolved", LOOKUP_BYTES * needs.lookups as usize)?,
             resolve_progress: slots("resolve_progress", 4)?,
-            questions: needs.cutouts.then(questions).transpose()?,
+            alpha_tests: needs.cutouts.then(alpha_tests).transpose()?,
         })
     }
 }
 
-/// Lists the questions of cutouts, or that they are left out.
-pub(super) fn list_questions(questions: Option<&[Buffer; 2]>, capacity: u64, inventory: &mut RenderInventory) {
-    for (at, name) in ["questions", "shadow_questions"].into_iter().enumerate() {
-        match questions {
-            Some(questions) => inventory.add(name, questions[at].size()),
+/// Lists the deferred tests of cutouts, or that they are left out.
+pub(super) fn list_alpha_tests(alpha_tests: Option<&[Buffer; 2]>, capacity: u64, inventory: &mut RenderInventory) {
+    for (at, name) in ["alpha_tests", "shadow_alpha_tests"].into_iter().enumerate() {
+        match alpha_tests {
+            Some(alpha_tests) => inventory.add(name, alpha_tests[at].size()),
             None => inventory.leave_out(name, capacity * size_of::<DeferredAlphaTest>() as u64),
         }
     }
 }
 
-/// Bytes of a question, with the values of programs behind all of them.
-pub(super) fn question_bytes(needs: StreamingNeeds) -> usize {
+/// Bytes of a deferred test, with the values of programs behind all of them.
+pub(super) fn alpha_test_bytes(needs: StreamingNeeds) -> usize {
     let kept = if needs.cutout_programs { LOOKUP_BYTES * (CUTOUT_LOOKUPS as usize - 1) } else { 0 };
     size_of::<DeferredAlphaTest>() + kept
 }

@@ -29,7 +29,7 @@ pub(super) struct MappedUnits {
     /// Rays that wait for each unit and cannot read it.
     waiting: Vec<u32>,
     /// Units for which `waiting` is not 0.
-    asked: Vec<UnitId>,
+    requested: Vec<UnitId>,
     /// Rays that entered each unit since the step before.
     visits: Vec<u32>,
     /// Rays that had entered each unit by then, modulo 2^32.
@@ -103,23 +103,23 @@ impl MappedUnits {
 
     /// The demand for the planner: no ray waits for a unit that is in host memory or in transit.
     pub(super) fn demand<'a>(&'a mut self, demand: &RayDemand<'a>) -> RayDemand<'a> {
-        for unit in self.asked.drain(..) {
+        for unit in self.requested.drain(..) {
             if let Some(rays) = self.waiting.get_mut(unit as usize) {
                 *rays = 0;
             }
         }
         self.waiting.resize(demand.waiting.len(), 0);
-        for &unit in demand.asked.unwrap_or_default() {
+        for &unit in demand.requested.unwrap_or_default() {
             let at = unit as usize;
             let comes = self.states.get(at).is_some_and(|state| *state != MappingState::Absent);
             if let (false, Some(rays), Some(waiting)) = (comes, self.waiting.get_mut(at), demand.waiting.get(at)) {
                 *rays = *waiting;
-                self.asked.push(unit);
+                self.requested.push(unit);
             }
         }
         RayDemand {
             waiting: &self.waiting,
-            asked: Some(&self.asked),
+            requested: Some(&self.requested),
             visits: &self.visits,
             mapped: &self.mapped,
             ..*demand
@@ -150,13 +150,21 @@ mod tests {
     fn units_in_flight_are_removed_from_demand() {
         let mut reach = MappedUnits::new(3, 3);
         reach.expect(1, &[5]);
-        let demand = RayDemand { waiting: &[1, 2, 3, 4], asked: Some(&[0, 1, 3]), active: 9, ..RayDemand::default() };
-        let asked = reach.demand(&demand);
-        assert_eq!((asked.waiting, asked.asked, asked.active), (&[1, 0, 0, 4][..], Some(&[0, 3][..]), 9));
+        let demand =
+            RayDemand { waiting: &[1, 2, 3, 4], requested: Some(&[0, 1, 3]), active: 9, ..RayDemand::default() };
+        let requested = reach.demand(&demand);
+        assert_eq!(
+            (requested.waiting, requested.requested, requested.active),
+            (&[1, 0, 0, 4][..], Some(&[0, 3][..]), 9)
+        );
         let _ = reach.arrived(5);
-        let demand = RayDemand { waiting: &[0, 2, 3, 0], asked: Some(&[1, 2]), ..demand };
-        let asked = reach.demand(&demand);
-        assert_eq!((asked.waiting, asked.mapped), (&[0, 0, 3, 0][..], &[false, true, false][..]), "of this step alone");
+        let demand = RayDemand { waiting: &[0, 2, 3, 0], requested: Some(&[1, 2]), ..demand };
+        let requested = reach.demand(&demand);
+        assert_eq!(
+            (requested.waiting, requested.mapped),
+            (&[0, 0, 3, 0][..], &[false, true, false][..]),
+            "of this step alone"
+        );
     }
 
     #[test]

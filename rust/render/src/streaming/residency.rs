@@ -23,7 +23,7 @@ use std::time::Duration;
 /// load, about two steps.
 const IN_FLIGHT_SHARE: u64 = 6;
 /// Most bytes in transit at a time.
-const MOST_IN_FLIGHT: u64 = 2 << 30;
+const MAX_BYTES_IN_FLIGHT: u64 = 2 << 30;
 
 /// A load that the planner requested.
 #[derive(Debug)]
@@ -99,7 +99,7 @@ impl<'a> SceneResidency<'a> {
     pub(crate) fn new(start: ResidencyStart<'a>) -> Result<Self, RenderError> {
         let ResidencyStart { device, assets, store, tables, budget, policy, filler } = start;
         let options = PlannerOptions {
-            in_flight_bytes: (budget / IN_FLIGHT_SHARE).min(MOST_IN_FLIGHT),
+            in_flight_bytes: (budget / IN_FLIGHT_SHARE).min(MAX_BYTES_IN_FLIGHT),
             pin_steps: 3,
             first_tile: Some(assets.tile_unit(0)),
         };

@@ -6,10 +6,10 @@
 /// Target seconds of a step: short enough for stop and pause to take effect and for demand to be read again.
 const STEP_SECS: f64 = 0.03;
 /// Most rounds of a step.
-const MOST_ROUNDS: u32 = 16;
+const MAX_ROUNDS: u32 = 16;
 /// Most rounds of a step on a GPU if more rays are about to join, which they do between steps: a round takes as long as
 /// its longest ray, whatever it traces beside it (see the book, design/streaming).
-const MOST_BEFORE_MORE: u32 = 1;
+const MAX_ROUNDS_BEFORE_JOIN: u32 = 1;
 
 /// The outcome of a step.
 #[derive(Clone, Copy, Debug)]
@@ -29,7 +29,7 @@ pub(super) fn next(planned: u32, done: StepResult) -> u32 {
     } else if busy < rounds {
         planned.min((busy + 1).max(rounds - rounds / 4))
     } else if secs < 0.5 * STEP_SECS && rounds == planned {
-        (rounds * 2).min(MOST_ROUNDS)
+        (rounds * 2).min(MAX_ROUNDS)
     } else {
         planned
     }
@@ -38,7 +38,7 @@ pub(super) fn next(planned: u32, done: StepResult) -> u32 {
 /// Most rounds of the next step, on a processor or not; `more_join`: paths can still begin, or few rays are ready and
 /// loads will wake others.
 pub(super) fn most(is_cpu: bool, more_join: bool) -> u32 {
-    if more_join && !is_cpu { MOST_BEFORE_MORE } else { MOST_ROUNDS }
+    if more_join && !is_cpu { MAX_ROUNDS_BEFORE_JOIN } else { MAX_ROUNDS }
 }
 
 #[cfg(test)]

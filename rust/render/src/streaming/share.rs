@@ -15,9 +15,9 @@ const ENOUGH_SLOTS: u64 = 1 << 22;
 /// Beyond these, slots may take so many times the missing bytes.
 const WORTH: u64 = 2;
 /// Units keep at least so many times the largest one: one is traced while others are loaded.
-const LARGEST_UNITS: u64 = 4;
+const UNITS_PER_LARGEST: u64 = 4;
 /// The same number if rays read units in host memory, so that none has to be loaded.
-const LARGEST_UNITS_BESIDE_MAPPED: u64 = 2;
+const MAPPED_UNITS_PER_LARGEST: u64 = 2;
 
 /// The memory to be shared and its users.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -46,7 +46,7 @@ impl ShareRequest {
         let Self { bytes, slot_bytes, largest_unit, units, cap, maps, wanted, fewest } = self;
         let slot_bytes = slot_bytes.max(1);
         let share = bytes / PATHS_SHARE;
-        let few = if maps { LARGEST_UNITS_BESIDE_MAPPED } else { LARGEST_UNITS };
+        let few = if maps { MAPPED_UNITS_PER_LARGEST } else { UNITS_PER_LARGEST };
         let beside_few = bytes.saturating_sub(few.saturating_mul(largest_unit));
         let beside_all = bytes.saturating_sub(units.min(cap));
         // The largest unit must always find room.

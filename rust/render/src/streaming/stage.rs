@@ -157,7 +157,8 @@ impl<'a, 'r> StreamingStage<'a, 'r> {
         let (are_few, prices) = (self.are_stragglers(), self.prices(progress).unwrap_or_default());
         let (seen, next_step) = (&self.seen, self.next_step);
         let (waiting, next, partners) = (&*seen.waiting, &*seen.next, &*seen.partners);
-        let demand = RayDemand { waiting, next, partners, active, asked: Some(&seen.asked), ..RayDemand::default() };
+        let demand =
+            RayDemand { waiting, next, partners, active, requested: Some(&seen.requested), ..RayDemand::default() };
         let StreamingContext { residency, stragglers, .. } = &mut self.streamer;
         match stragglers {
             Some(stragglers) if self.kind == PathKind::Samples => {

@@ -3,7 +3,7 @@
 //! would not tell, since disks and devices may be slow. Pure.
 
 /// Loads without a path that ends, whatever the scene has: a million.
-const MOST_LOADS: u64 = 1 << 20;
+const MAX_LOADS: u64 = 1 << 20;
 /// Additional loads for each unit of the scene.
 const LOADS_A_UNIT: u64 = 64;
 
@@ -19,7 +19,7 @@ pub(super) struct StallDetector {
 impl StallDetector {
     /// A detector for a scene of so many units.
     pub(super) fn new(units: usize) -> Self {
-        Self { most_loads: MOST_LOADS + LOADS_A_UNIT * units as u64, ended: 0, loads: 0 }
+        Self { most_loads: MAX_LOADS + LOADS_A_UNIT * units as u64, ended: 0, loads: 0 }
     }
 
     /// Takes in the paths that have ended and the loads so far; returns the loads since a path ended last, if these are
@@ -40,7 +40,7 @@ mod tests {
     #[test]
     fn a_picture_stalls_by_loads_that_end_no_path() {
         let mut stall = StallDetector::new(100);
-        let most = MOST_LOADS + 6400;
+        let most = MAX_LOADS + 6400;
         assert_eq!(stall.note(0, most), None, "some scenes take so many");
         assert_eq!(stall.note(1, most + 1), None, "a path has ended");
         assert_eq!(stall.note(1, 2 * most + 1), None, "counted from there");

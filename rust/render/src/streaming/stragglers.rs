@@ -14,7 +14,7 @@
 use super::observe::StepObservation;
 use oocpt_abi::{WORTH_MUST, WORTH_ONE};
 #[cfg(feature = "faults")]
-use oocpt_core::residency::roulette::LEAST;
+use oocpt_core::residency::roulette::MIN_PROBABILITY;
 use oocpt_core::residency::roulette::{LoadPrices, LoadRoulette, LoadStakes};
 use oocpt_core::residency::{LoadProposal, UnitId};
 
@@ -175,7 +175,7 @@ impl StragglerRoulette {
         let stakes = LoadStakes { unit: proposal.unit, bytes: proposal.bytes, worth, share };
         #[cfg(feature = "faults")]
         if let Some(per_mille) = self.faults.roulette_per_mille {
-            let p = if worth.is_finite() { (f64::from(per_mille) / 1000.0).clamp(LEAST, 1.0) } else { 1.0 };
+            let p = if worth.is_finite() { (f64::from(per_mille) / 1000.0).clamp(MIN_PROBABILITY, 1.0) } else { 1.0 };
             return self.roulette.judge_by(&stakes, next, |_, _| p);
         }
         self.roulette.judge(&stakes, prices, next)

@@ -20,7 +20,7 @@ use rustc_hash::{FxHashMap, FxHashSet};
 use std::sync::Arc;
 
 /// Most tiles: their numbers share 32 bits with those of chunks.
-const MOST_TILES: u64 = 1 << 30;
+const MAX_TILES: u64 = 1 << 30;
 
 /// Identity of a file read one way: path, member of the set (0: no set), color space, Ptex or not.
 type ImageKey = (Arc<str>, u32, oocpt_core::texture::ColorSpace, bool);
@@ -129,11 +129,11 @@ impl TextureCache {
 
     /// Opens the images that are not open, on all cores.
     fn open_all(&mut self, library: Option<&Arc<dyn ImageLibrary>>, textures: &[TextureRef]) {
-        let mut asked: FxHashSet<ImageKey> = FxHashSet::default();
+        let mut requested: FxHashSet<ImageKey> = FxHashSet::default();
         let missing: Vec<(ImageKey, &TextureRef)> = textures
             .iter()
             .flat_map(|texture| members(texture).map(move |member| (image_key(texture, member), texture)))
-            .filter(|(key, _)| !self.open.contains_key(key) && asked.insert(key.clone()))
+            .filter(|(key, _)| !self.open.contains_key(key) && requested.insert(key.clone()))
             .collect();
         let stores = &self.stores;
         let opened: Vec<(ImageKey, OpenedMember)> = missing
@@ -256,7 +256,7 @@ impl SetBuilder<'_> {
     fn add(&mut self, image: Arc<TextureImage>, texture: &TextureRef) -> Option<usize> {
         let first = self.set.firsts.last().copied().unwrap_or(0);
         let count = image.layout().tile_count();
-        if u64::from(first) + u64::from(count) > MOST_TILES {
+        if u64::from(first) + u64::from(count) > MAX_TILES {
             self.set.warnings.push(format!("{}: the scene has too many texels", named(texture)));
             return None;
         }

@@ -18,9 +18,9 @@ const SEEDS: [u32; 2] = [16, 32];
 /// Widest interval that is of use, as the factor from its middle to either end.
 const WIDEST: f64 = 3.0;
 /// Most paths of one picture on a GPU.
-const MOST_PATHS: u64 = 1 << 30;
+const MAX_PATHS: u64 = 1 << 30;
 /// Most paths of one picture on a processor.
-const MOST_PATHS_CPU: u64 = 1 << 22;
+const MAX_PATHS_CPU: u64 = 1 << 22;
 
 /// [`WIDEST`] by the samples: below 16 the slope of the error is a guess (decisions/0009).
 fn widest_at(samples: u32) -> f64 {
@@ -194,7 +194,7 @@ fn pictures_as_large_as_people_render_them_are_calibrated() {
         eprintln!("skipped: only with all tests (OOCPT_TEST_FULL)");
         return;
     }
-    let most = if has_gpu() { MOST_PATHS } else { MOST_PATHS_CPU };
+    let most = if has_gpu() { MAX_PATHS } else { MAX_PATHS_CPU };
     let pictures = seeds([8, 16]);
     for size in [[640, 360], [1280, 720]] {
         for samples in [4, 16, 64, 256, 1024] {

@@ -3,7 +3,7 @@
 
 use super::{PassContext, QueuePushes, RAY_WORDS, RAYS_AT_ONCE, SHADOW_WORDS};
 use crate::simd::Simd;
-use crate::walk::{ClosestHit, MOST_LEVELS, RayTraversal, WorldRay};
+use crate::walk::{ClosestHit, MAX_NESTING, RayTraversal, WorldRay};
 use oocpt_abi::{Features, PathProgress, RAY_WORD_BOUNCE, RAY_WORD_FLAGS, RayFlags, SHADOW_BIT, unpack_shadow_bounce};
 use oocpt_gpu::{HostBytes, HostWords};
 use pulp::NullaryFnOnce;
@@ -230,7 +230,7 @@ fn store_hit(hits: HostWords<'_>, at: usize, found: &ClosestHit, levels: usize) 
 
 fn load_hit(hits: HostWords<'_>, at: usize, levels: usize) -> ClosestHit {
     let [u, v, triangle, chunk_instance, t] = [0, 1, 2, 3, 4].map(|i| hits.load(at + i));
-    let mut chain = [0; MOST_LEVELS];
+    let mut chain = [0; MAX_NESTING];
     for (level, record) in chain.iter_mut().enumerate().take(levels) {
         *record = hits.load(at + 5 + level);
     }

@@ -27,7 +27,7 @@ pub(crate) const COLUMNS: usize = 120;
 /// Most lines of the README.
 const README_LINES: usize = 150;
 /// Most decisions: a reader can take in so many.
-const MOST_DECISIONS: usize = 25;
+const MAX_DECISIONS: usize = 25;
 const BOOK: &str = "rust/book";
 const DECISIONS: &str = "rust/decisions/";
 
@@ -84,9 +84,8 @@ pub(crate) fn check(places: &RootFolders) -> Result<()> {
         }
     }
     let decisions = documents.iter().filter(|(file, _)| is_decision(file)).count();
-    if decisions > MOST_DECISIONS {
-        findings
-            .push(format!("{decisions} decisions, more than {MOST_DECISIONS}: fold one into a chapter of the book"));
+    if decisions > MAX_DECISIONS {
+        findings.push(format!("{decisions} decisions, more than {MAX_DECISIONS}: fold one into a chapter of the book"));
     }
     findings.extend(untold_tests(places, &files, &documents)?);
     if !findings.is_empty() {

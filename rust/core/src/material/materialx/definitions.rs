@@ -12,7 +12,7 @@ use crate::desc::{AssetRef, MaterialDesc, NodeDesc, ParamValue};
 /// Parameter of a node that names the file; no input of a node has such a name.
 const FILE: &str = "info:mtlx:sourceAsset";
 /// Largest number of files of a material; further ones are not read.
-const MOST_FILES: usize = 16;
+const MAX_FILES: usize = 16;
 
 /// The file that defines a node, if it names one.
 pub(super) fn of_node(node: &NodeDesc) -> Option<&AssetRef> {
@@ -28,7 +28,7 @@ pub(super) fn own(desc: &MaterialDesc, library: &NodeLibrary) -> Option<Arc<Node
     for asset in desc.nodes.iter().filter_map(of_node) {
         let name = if asset.resolved.is_empty() { &asset.authored } else { &asset.resolved };
         let path = PathBuf::from(&**name);
-        if files.len() < MOST_FILES && !files.contains(&path) {
+        if files.len() < MAX_FILES && !files.contains(&path) {
             files.push(path);
         }
     }

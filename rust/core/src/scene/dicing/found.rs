@@ -15,7 +15,7 @@ use crate::mesh::{CameraEye, DicingRate};
 use crate::scene::mesh_outline::{BoundingSphere, stretch};
 
 /// Places of the camera that are kept for a surface; what more there are count by their density.
-const MOST_EYES: usize = 8;
+const MAX_EYES: usize = 8;
 /// Smallest distance from an edge that counts, as a share of the surface's radius.
 const NEAREST_EDGE: f64 = 1e-3;
 /// The same in a live view, where each rebuilds the surface when the camera has moved by about as much.
@@ -23,11 +23,11 @@ const NEAREST_LIVE_EDGE: f64 = 1.0 / 32.0;
 /// By how much a new focal length of a live view is larger than what is needed, at least.
 const ROOM: f64 = 1.25;
 /// Rates of a live view are at most so many times as fine as needed.
-const MOST_FINE: f64 = 4.0;
+const MAX_FINENESS: f64 = 4.0;
 /// Where the camera has come closer than the place that is kept, rates of a live view may be coarser by as much.
 const COARSER_CLOSE: f64 = 2.0;
 /// A place of a live view goes when the camera is so many gaps away.
-const MOST_GAPS: f64 = 4.0;
+const MAX_GAPS: f64 = 4.0;
 /// Cells of the grid of places in a gap, at least; [`ROOM`] makes up for what rounding moves.
 const GRID: f64 = 8.0;
 
@@ -87,9 +87,9 @@ impl SurfaceDensity {
 
     fn forget(&mut self) {
         self.near.sort_by(|a, b| b.is_in_picture.cmp(&a.is_in_picture).then(a.distance.total_cmp(&b.distance)));
-        let rest = self.near.iter().skip(MOST_EYES).map(|near| near.density);
+        let rest = self.near.iter().skip(MAX_EYES).map(|near| near.density);
         let rest = rest.fold(DicingDensity::default(), DicingDensity::max);
-        self.near.truncate(MOST_EYES);
+        self.near.truncate(MAX_EYES);
         self.cover(rest);
     }
 
@@ -126,11 +126,11 @@ impl SurfaceDensity {
     fn is_wasted(&self, camera: &DicingCamera, kept: &DicingRate) -> bool {
         let closest = self.near.iter().map(|near| camera.focal / near.gap).fold(0.0, f64::max);
         let is_of_use = |eye: &CameraEye| {
-            let is_close = |near: &NearSurface| eye.position.distance(near.eye.position) <= MOST_GAPS * near.gap;
+            let is_close = |near: &NearSurface| eye.position.distance(near.eye.position) <= MAX_GAPS * near.gap;
             self.near.iter().any(is_close)
         };
-        kept.density > MOST_FINE * self.density.in_picture.max(closest)
-            || (!kept.eyes.is_empty() && kept.focal > MOST_FINE * camera.focal)
+        kept.density > MAX_FINENESS * self.density.in_picture.max(closest)
+            || (!kept.eyes.is_empty() && kept.focal > MAX_FINENESS * camera.focal)
             || !kept.eyes.iter().all(is_of_use)
     }
 

@@ -32,9 +32,9 @@ use crate::instancing::placement::InstancePlacer;
 use crate::mesh::{Aabb, BuildDemand, DicingRate};
 
 /// Near placements of a prototype that are gone into, from one place.
-const MOST_NEAR: usize = 8;
+const MAX_NEAR: usize = 8;
 /// Near placements that are gone into in all: each reads the instances below it.
-const MOST_VISITS: usize = 64;
+const MAX_VISITS: usize = 64;
 
 /// How finely each of the `reachable` subdivision surfaces is cut, by path.
 pub(crate) fn dice(
@@ -153,7 +153,7 @@ impl<'a> DicingTraversal<'a> {
                 }
                 let (mut near, far) = self.look(entry, prototype, &bounds, *world_from_group * before);
                 near.sort_by(|a, b| a.distance.total_cmp(&b.distance));
-                let room = MOST_NEAR.min(MOST_VISITS - self.visits.min(MOST_VISITS));
+                let room = MAX_NEAR.min(MAX_VISITS - self.visits.min(MAX_VISITS));
                 let rest = near.split_off(room.min(near.len()));
                 let ball = BoundingSphere::of(&bounds);
                 let rest = rest.iter().map(|near| self.density(&ball, &near.map)).fold(far, DicingDensity::max);

@@ -147,7 +147,7 @@ impl Light {
 
 /// Least exponent of the remaining part of the stretch over which shadows fade out: smaller ones vanish in single
 /// precision.
-const LEAST_GAMMA: f32 = 1e-3;
+const MIN_GAMMA: f32 = 1e-3;
 
 /// The usable part of a reach of shadows. Values that are not numbers limit nothing.
 fn shadow_reach(desc: ShadowReach) -> ShadowReach {
@@ -156,7 +156,7 @@ fn shadow_reach(desc: ShadowReach) -> ShadowReach {
     ShadowReach {
         distance,
         falloff: usable(desc.falloff, 0.0).clamp(0.0, distance),
-        gamma: usable(desc.gamma, 1.0).clamp(LEAST_GAMMA, 1.0 / LEAST_GAMMA),
+        gamma: usable(desc.gamma, 1.0).clamp(MIN_GAMMA, 1.0 / MIN_GAMMA),
     }
 }
 

@@ -35,7 +35,7 @@ impl Random {
 const CUT: OpacityQuery =
     OpacityQuery { wrap: [Wrap::Repeat, Wrap::Clamp], outside: 0.0, scale: 1.0, bias: 0.0, threshold: 0.5 };
 /// Largest side of the levels of the masks here.
-const MOST_SIDE: u32 = 512;
+const MAX_SIDE: u32 = 512;
 const WRAPS: [Wrap; 5] = [Wrap::UseMetadata, Wrap::Black, Wrap::Clamp, Wrap::Repeat, Wrap::Mirror];
 
 /// Texels of level 0, from their positions.
@@ -47,7 +47,7 @@ fn texels(layout: &TileLayout, mut texel: impl FnMut([f32; 2]) -> f32) -> Vec<f3
 
 /// A mask of texels that come in bands of `rows` rows.
 fn banded(layout: &TileLayout, values: &[f32], query: &OpacityQuery, rows: usize) -> Option<OpacityMask> {
-    let mut maker = OpacityMaskMaker::new(layout, query, MOST_SIDE)?;
+    let mut maker = OpacityMaskMaker::new(layout, query, MAX_SIDE)?;
     values.chunks(rows * layout.size()[0] as usize).for_each(|band| maker.push(band));
     maker.finish()
 }
@@ -152,7 +152,7 @@ fn agree(seed: u64, texel: impl Fn(&mut Random, [f32; 2]) -> f32) {
             let query = query(&mut random);
             let of = |_, x: u32, y: u32| [f64::from(values[(y * size[0] + x) as usize]); 4];
             let sampler = TextureSampler { layout, wrap: query.wrap, outside: [query.outside.into(); 4], texel: of };
-            let masks = [MOST_SIDE, 64, 16, 3, 1].map(|side| sized(&layout, &values, &query, side));
+            let masks = [MAX_SIDE, 64, 16, 3, 1].map(|side| sized(&layout, &values, &query, side));
             let read = masks.each_ref().map(|mask| cells(mask, &layout));
             for _ in 0..400 {
                 let at = random.below(5) as usize;
@@ -177,7 +177,7 @@ fn agree(seed: u64, texel: impl Fn(&mut Random, [f32; 2]) -> f32) {
                     _ => assert!(!mask.is_opaque, "{}", text()),
                 }
             }
-            assert_eq!(read[0].0 == 0, size[0] <= MOST_SIDE, "all that is small is kept");
+            assert_eq!(read[0].0 == 0, size[0] <= MAX_SIDE, "all that is small is kept");
         }
     }
 }
@@ -283,7 +283,7 @@ fn masks_of_hostile_images_are_bounded() {
     assert!(banded(&layout, &[1.0; 56], &CUT, 1).is_none(), "a row is missing");
     assert!(banded(&layout, &[1.0; 80], &CUT, 1).is_some_and(|mask| mask.is_opaque), "rows too many are left out");
     let long = TileLayout::new([1 << 16, 1], 4).expect("a layout");
-    assert!(OpacityMaskMaker::new(&long, &CUT, MOST_SIDE).is_none(), "too long");
+    assert!(OpacityMaskMaker::new(&long, &CUT, MAX_SIDE).is_none(), "too long");
 }
 
 /// With any longest side the mask has the predicted number of bytes, and coverage is the same.
@@ -294,8 +294,8 @@ fn smaller_masks_cover_as_much() {
         let values = texels(&layout, disc);
         let means = [1, 16, 128, 1024, 4096].map(|most_side| {
             let mask = sized(&layout, &values, &CUT, most_side);
-            let said = mask_bytes(&layout, most_side).next_multiple_of(size_of::<u32>());
-            assert_eq!(size_of_val(mask.words.as_slice()), said, "{size:?} {most_side}");
+            let expected = mask_bytes(&layout, most_side).next_multiple_of(size_of::<u32>());
+            assert_eq!(size_of_val(mask.words.as_slice()), expected, "{size:?} {most_side}");
             let (_, cells) = cells(&mask, &layout);
             assert!(cells.size.iter().all(|side| *side <= most_side), "{:?}", cells.size);
             cells.mean()

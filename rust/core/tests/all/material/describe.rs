@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Materials as text: known networks, formulas worked out against the program, texts of strangers.
 
-use oocpt_core::material::{LONGEST_TEXT, MaterialText, describe};
+use oocpt_core::material::{MAX_TEXT_CHARS, MaterialText, describe};
 use oocpt_core::{NodeDesc, ParamValue};
 
 use crate::material::preview_surface::{file, network, node, text};
@@ -190,6 +190,6 @@ fn scene_text_is_escaped_and_bounded() {
     let all = format!("{material:?}");
     assert!(!all.contains("u{1b}") && !all.contains('\u{1b}'), "no escape is left");
     let longest = material.nodes.iter().flat_map(|node| node.inputs.iter().chain([&node.kind])).map(String::len).max();
-    assert!(longest.is_some_and(|longest| longest < 3 * LONGEST_TEXT), "{longest:?}");
-    assert!(material.warnings.iter().all(|warning| warning.len() < 5 * LONGEST_TEXT), "{:?}", material.warnings);
+    assert!(longest.is_some_and(|longest| longest < 3 * MAX_TEXT_CHARS), "{longest:?}");
+    assert!(material.warnings.iter().all(|warning| warning.len() < 5 * MAX_TEXT_CHARS), "{:?}", material.warnings);
 }

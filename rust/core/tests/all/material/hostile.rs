@@ -21,7 +21,7 @@ fn networks() -> u32 {
 }
 
 /// Most bytes of a message about a material: eight lines of 512, and the separators.
-const LONGEST: usize = 8 * (512 + 8);
+const MAX_MESSAGE_BYTES: usize = 8 * (512 + 8);
 
 fn definitions() -> &'static [&'static NodeDef] {
     static ALL: OnceLock<Vec<&'static NodeDef>> = OnceLock::new();
@@ -177,7 +177,7 @@ fn check(desc: &MaterialDesc) {
     let warnings = commit.warnings;
     let of_it: Vec<_> = warnings.iter().filter(|warning| &*warning.path == "/m").collect();
     assert_eq!(of_it.len(), usize::from(!problems.is_empty()), "{of_it:?}");
-    assert!(of_it.iter().all(|warning| warning.message.len() <= LONGEST), "{} bytes", of_it[0].message.len());
+    assert!(of_it.iter().all(|warning| warning.message.len() <= MAX_MESSAGE_BYTES), "{} bytes", of_it[0].message.len());
     assert!(db.commit().warnings.is_empty(), "not again");
 }
 

@@ -24,7 +24,12 @@ fn comparable(snapshot: &Snapshot, record: &InstanceRecord) -> (Vec<u32>, u128, 
         InstanceTarget::Mesh(m) => snapshot.meshes[m as usize].key,
         InstanceTarget::Assembly(a) => u128::from(a),
     };
-    let rest = [record.prim_id.cast_unsigned(), record.index_in_prototype, record.prototype_count, u32::from(record.flips_handedness)];
+    let rest = [
+        record.prim_id.cast_unsigned(),
+        record.index_in_prototype,
+        record.prototype_count,
+        u32::from(record.flips_handedness),
+    ];
     (floats.map(|v| v.to_bits()).collect(), target, rest.to_vec())
 }
 

@@ -46,19 +46,19 @@ fn a_shared_mesh_is_loaded_once_and_freed_with_its_last_unit() {
 fn a_declined_load_is_proposed_again() {
     for kind in PolicyKind::ALL {
         let mut planner = ResidencyPlanner::new(catalog(), 120, kind).unwrap();
-        let mut asked = Vec::new();
+        let mut requested = Vec::new();
         for _ in 0..200 {
-            asked.clear();
+            requested.clear();
             let commands = planner.step_if(&waiting(&[5, 0, 9, 0]), &mut |proposal| {
-                asked.push((proposal.unit, proposal.bytes));
+                requested.push((proposal.unit, proposal.bytes));
                 proposal.unit != 2
             });
             assert!(!commands.contains(&load(2, &[2, 5])), "{kind}: refused");
             planner.loaded(0);
         }
         assert!(
-            planner.is_resident(0) && asked.contains(&(2, 60)),
-            "{kind}: others are loaded, it is asked: {asked:?}"
+            planner.is_resident(0) && requested.contains(&(2, 60)),
+            "{kind}: others are loaded, it is asked: {requested:?}"
         );
         assert_eq!(planner.step(&waiting(&[0, 0, 9])), [load(2, &[2, 5])], "{kind}: agreed to");
     }

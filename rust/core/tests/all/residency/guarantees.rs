@@ -57,7 +57,7 @@ fn play_asked(
     witness: &mut Witness,
     events: &[Event],
     weather: Weather,
-    asked: impl Fn(&Event) -> Option<Vec<u32>>,
+    requested: impl Fn(&Event) -> Option<Vec<u32>>,
 ) -> Vec<ResidencyCommand> {
     for event in events {
         let loading: Vec<u32> = witness.loading.keys().copied().collect();
@@ -73,13 +73,13 @@ fn play_asked(
             witness.set_budget(budget);
         }
         let Event { waiting, next, visits, active, .. } = event;
-        let asked = asked(event);
+        let requested = requested(event);
         witness.step(&RayDemand {
             waiting,
             next,
             visits,
             active: *active,
-            asked: asked.as_deref(),
+            requested: requested.as_deref(),
             ..RayDemand::default()
         });
     }
@@ -122,8 +122,9 @@ proptest! {
         catalog in catalogs(), percent in 0_u64..=100, kind in kinds(), events in events(), more in 0_u32..13,
     ) {
         let budget = budget_of(&catalog, percent);
-        let run = |asked: fn(u32, &Event) -> Option<Vec<u32>>| {
-            play_asked(&mut Witness::new(&catalog, budget, kind, 0), &events, Weather::Rough, |event| asked(more, event))
+        let run = |requested: fn(u32, &Event) -> Option<Vec<u32>>| {
+            let mut witness = Witness::new(&catalog, budget, kind, 0);
+            play_asked(&mut witness, &events, Weather::Rough, |event| requested(more, event))
         };
         let list = |more: u32, event: &Event| {
             let is_asked = |values: &[u32], unit: u32| values.get(unit as usize).is_some_and(|rays| *rays > 0);

@@ -30,7 +30,7 @@ fn first_resident(witness: &mut Witness, demand: &[Vec<u32>], latency: u32, step
             next: &[],
             visits: &visits,
             active: 1_000_000_000,
-            asked: None,
+            requested: None,
             ..RayDemand::default()
         });
         for &unit in witness.loading.keys() {
@@ -105,7 +105,7 @@ fn swaps(kind: PolicyKind, steps: u32) -> u64 {
             next: &[],
             visits: &visits,
             active: 1000,
-            asked: None,
+            requested: None,
             ..RayDemand::default()
         });
         for command in commands {

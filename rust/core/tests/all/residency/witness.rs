@@ -22,7 +22,7 @@ pub(crate) struct Witness {
     pub(crate) commands: Vec<ResidencyCommand>,
     /// True after a load failed or the budget was lowered: evictions may seem early from here on.
     pub(crate) disturbed: bool,
-    asked: BTreeSet<u32>,
+    requested: BTreeSet<u32>,
 }
 
 impl Witness {
@@ -38,7 +38,7 @@ impl Witness {
             held: BTreeSet::new(),
             commands: Vec::new(),
             disturbed: false,
-            asked: BTreeSet::new(),
+            requested: BTreeSet::new(),
         }
     }
 
@@ -125,7 +125,7 @@ impl Witness {
                 assert!(waiting(other) == 0 || coming || self.disturbed, "{unit} is loaded ahead of {other}");
             }
         } else {
-            self.asked.insert(unit);
+            self.requested.insert(unit);
         }
         assert!(self.loading.insert(unit, assets.to_vec()).is_none(), "unit {unit} is loaded twice");
         self.held.extend(assets);
@@ -135,7 +135,7 @@ impl Witness {
     pub(crate) fn loaded(&mut self, unit: u32) {
         self.planner.loaded(unit);
         if self.loading.remove(&unit).is_some() {
-            self.resident.insert(unit, (self.step, self.asked.remove(&unit)));
+            self.resident.insert(unit, (self.step, self.requested.remove(&unit)));
             assert!(self.planner.is_resident(unit), "a loaded unit is resident");
         }
     }

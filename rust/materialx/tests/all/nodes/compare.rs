@@ -77,12 +77,12 @@ fn row(block: &Block, Row { given, expected, .. }: &Row, way: Way, bound: Bound,
 
 /// Compares rows of a block in one way.
 pub(crate) fn compare(block: &Block, way: Way, library: &NodeLibrary) -> Found {
-    const MOST_LINES: usize = 3;
+    const MAX_LINES: usize = 3;
     let bound = Bound::of(block);
     let mut all = Found::default();
     for values in block.rows.iter().filter(|row| way != Way::Unsaid || row.is_default) {
         all.add(row(block, values, way, bound, library));
-        all.lines.truncate(MOST_LINES);
+        all.lines.truncate(MAX_LINES);
     }
     all
 }

@@ -23,7 +23,7 @@ pub(crate) enum Way {
 }
 
 /// Textures that a program can read, less those that a node has of its own.
-const MOST_READ: usize = 9;
+const MAX_TEXTURES: usize = 9;
 /// The texture of a node's own.
 const TEXTURE: &str = "the texture";
 
@@ -87,7 +87,7 @@ fn network(block: &Block, row: &[f32], way: Way, component: Option<usize>, libra
         if is_read && column.default.is_some() {
             continue;
         }
-        if is_read && nodes.len() < 4 + MOST_READ {
+        if is_read && nodes.len() < 4 + MAX_TEXTURES {
             let kind = if column.width == 1 { "float" } else { &column.kind };
             let mut image = node(&format!("ND_image_{kind}"));
             image.values.push(("file".into(), file(name)));

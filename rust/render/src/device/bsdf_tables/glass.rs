@@ -29,7 +29,7 @@ pub const NODE_FLOATS: usize = 8;
 pub const BYTES: usize = IORS * ROUGHNESSES * (4 * NODE_FLOATS + 2 * (COSINES[0] + COSINES[1]));
 
 /// Largest index, in place of infinity.
-const LARGEST_IOR: f64 = 1e6;
+const MAX_IOR: f64 = 1e6;
 
 static TABLE: &[u8] = include_bytes!("glass.bin");
 const _: () = assert!(TABLE.len() == BYTES, "run the example `bsdf_tables`");
@@ -125,7 +125,7 @@ impl IorSpread {
         let range = ((1.0 + self.near) / (self.least + self.near)).ln();
         let root = (self.least + self.near) * (place * range).exp() - self.near;
         let ratio = root * root;
-        ((1.0 + ratio) / (1.0 - ratio).max(1.0 / LARGEST_IOR)).min(LARGEST_IOR)
+        ((1.0 + ratio) / (1.0 - ratio).max(1.0 / MAX_IOR)).min(MAX_IOR)
     }
 
     fn place(&self, ior: f64) -> f64 {

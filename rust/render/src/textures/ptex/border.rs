@@ -12,7 +12,7 @@ use oocpt_ptex::{BorderMode, PtexFace};
 use rustc_hash::FxHashMap;
 
 /// Most faces around a corner that are visited.
-const MOST_VALENCE: usize = 32;
+const MAX_VALENCE: usize = 32;
 
 /// The faces that the border of a face reads, itself included; with repetitions.
 pub(super) fn neighbours(faces: &[PtexFace], face: u32) -> Vec<u32> {
@@ -52,7 +52,7 @@ fn beyond(faces: &[PtexFace], face: u32, edge: u8, t: f64) -> Option<(u32, u8, f
 fn around(faces: &[PtexFace], face: u32, corner: u8) -> Option<Vec<(u32, u8)>> {
     let mut found = Vec::new();
     let mut at = (face, corner);
-    for _ in 0..MOST_VALENCE {
+    for _ in 0..MAX_VALENCE {
         let own = faces.get(at.0 as usize)?;
         let (other, edge) = (*own.adjacent.get(usize::from(at.1))?)?;
         let neighbour = faces.get(other as usize)?;

@@ -24,17 +24,17 @@ const BATCH_TEXELS: u64 = 1 << 21;
 /// Most faces of a batch.
 const BATCH_FACES: u32 = 1 << 14;
 /// Most bytes of edges that are kept for later faces.
-const MOST_EDGE_BYTES: usize = 256 << 20;
+const MAX_EDGE_BYTES: usize = 256 << 20;
 /// Constant faces are stored with at most this many texels a side, as a power of two: they blend with their neighbours
 /// over 1/32 of a side.
 const CONSTANT_LOG2: u8 = 4;
-/// Bytes of texels that a file of any size may have; beyond, at most [`MOST_PER_BYTE`] for each byte of it.
+/// Bytes of texels that a file of any size may have; beyond, at most [`MAX_EXPANSION`] for each byte of it.
 const ALWAYS_ALLOWED_BYTES: u64 = 64 << 20;
 /// Most bytes of texels for each byte of a larger file. Deflate expands by at most 1032; the rest is for tiles of one
 /// colour.
-const MOST_PER_BYTE: u64 = 2048;
+const MAX_EXPANSION: u64 = 2048;
 /// Most texels of a face: its levels are held as floats.
-const MOST_FACE_TEXELS: u64 = 1 << 26;
+const MAX_FACE_TEXELS: u64 = 1 << 26;
 
 /// An open Ptex file.
 #[derive(Debug)]
@@ -63,14 +63,14 @@ impl PtexSource {
         if file.mesh_type() != MeshType::Quad {
             return Err(ImageError("is Ptex for triangles, which is not supported".into()));
         }
-        let too_large = file.faces().iter().find(|face| texels(kept_log2(face)) > MOST_FACE_TEXELS);
+        let too_large = file.faces().iter().find(|face| texels(kept_log2(face)) > MAX_FACE_TEXELS);
         if let Some(face) = too_large {
             return Err(ImageError(format!("a face of 2^{} by 2^{} texels is too large", face.log2[0], face.log2[1])));
         }
         let layout = FaceLayout::new(file.faces().iter().map(kept_log2).collect());
         let layout = layout.map_err(|error| ImageError(error.to_string()))?;
         let decoded = u64::from(layout.texels()) * file.texel_bytes() as u64;
-        if decoded > ALWAYS_ALLOWED_BYTES.max(file_bytes.saturating_mul(MOST_PER_BYTE)) {
+        if decoded > ALWAYS_ALLOWED_BYTES.max(file_bytes.saturating_mul(MAX_EXPANSION)) {
             return Err(ImageError(format!("says that it has {decoded} bytes of texels, in a file of {file_bytes}")));
         }
         let picked = pick(file.channels(), file.alpha_channel());
@@ -111,7 +111,7 @@ impl PtexSource {
             next = batch.end;
             let pyramids: Vec<FacePyramid> =
                 batch.clone().into_par_iter().map(|face| self.pyramid(face, meaning)).collect::<Result<_, _>>()?;
-            if kept_bytes > MOST_EDGE_BYTES {
+            if kept_bytes > MAX_EDGE_BYTES {
                 kept.clear();
                 kept_bytes = 0;
             }

@@ -180,7 +180,7 @@ fn stretched_textures_keep_the_minor_axis() {
 
 /// Limit on how far a map from coordinates to texels may be from a similarity: the sum of the squares of its axes over
 /// twice their product. The rounding of a footprint's direction may be off by so much more.
-const MOST_UNEVEN: f32 = 2.5;
+const MAX_UNEVEN: f32 = 2.5;
 
 /// Any width gives the same coverage: the width only selects the level of the mask.
 #[test]
@@ -192,7 +192,7 @@ fn mask_lookups_are_as_wide_as_the_filter() {
         let [a, b, c, d] = q.rows;
         let [[a, b], [c, d]] =
             [([a, b], q.size[0]), ([c, d], q.size[1])].map(|(row, side)| row.map(|x| x * side as f32));
-        let is_even = a * a + b * b + c * c + d * d <= 2.0 * MOST_UNEVEN * (a * d - b * c).abs();
+        let is_even = a * a + b * b + c * c + d * d <= 2.0 * MAX_UNEVEN * (a * d - b * c).abs();
         // Edges are as long as the normal.
         if is_even && q.vectors.iter().all(|v| (1e-3..1e3).contains(&glam::Vec3::from(*v).length())) {
             usual += 1;

@@ -26,7 +26,7 @@ const VERSION: u32 = 1;
 /// Sides of tiles are multiples of this.
 const TILE_STEP: u32 = 16;
 /// Most bytes of the description.
-const MOST_DESCRIPTION: u64 = 1 << 20;
+const MAX_DESCRIPTION_BYTES: u64 = 1 << 20;
 
 const NEW_SUBFILE_TYPE: u16 = 254;
 const IMAGE_WIDTH: u16 = 256;

@@ -2,8 +2,8 @@
 //! Reads a file that [`super::TxWriter`] wrote; any other, and a damaged one, is an error. Any thread.
 
 use super::{
-    COMPRESSION, IMAGE_DESCRIPTION, LONG8, MOST_DESCRIPTION, TILE_CHECKSUMS, TILE_LENGTH, TILE_OFFSETS, TILE_WIDTH,
-    TxDescription, TxLevel,
+    COMPRESSION, IMAGE_DESCRIPTION, LONG8, MAX_DESCRIPTION_BYTES, TILE_CHECKSUMS, TILE_LENGTH, TILE_OFFSETS,
+    TILE_WIDTH, TxDescription, TxLevel,
 };
 use std::fs::File;
 use std::io;
@@ -12,7 +12,7 @@ use std::sync::OnceLock;
 use xxhash_rust::xxh3::xxh3_64;
 
 /// Most fields of a directory that are read.
-const MOST_FIELDS: u64 = 64;
+const MAX_FIELDS: u64 = 64;
 
 /// The places of a level's tiles, as far as they have been read.
 #[derive(Debug)]
@@ -46,7 +46,7 @@ impl TxFile {
         let mut levels: Vec<TxLevel> = Vec::new();
         let mut tables = Vec::new();
         while at != 0 && (description.is_none() || tables.len() < levels.len()) {
-            let count = bounded(u64::from_le_bytes(read_at(&file, at)?), MOST_FIELDS)?;
+            let count = bounded(u64::from_le_bytes(read_at(&file, at)?), MAX_FIELDS)?;
             let mut fields = vec![0; 20 * count + 8];
             file.read_exact_at(&mut fields, at.checked_add(8).ok_or_else(damaged)?)?;
             let field = |tag: u16| {
@@ -55,7 +55,7 @@ impl TxFile {
             };
             if description.is_none() {
                 let (_, length, at) = field(IMAGE_DESCRIPTION).ok_or_else(damaged)?;
-                let mut text = vec![0; bounded(length, MOST_DESCRIPTION)?];
+                let mut text = vec![0; bounded(length, MAX_DESCRIPTION_BYTES)?];
                 file.read_exact_at(&mut text, at)?;
                 text.pop();
                 let said: TxDescription = serde_json::from_slice(&text).map_err(io::Error::other)?;

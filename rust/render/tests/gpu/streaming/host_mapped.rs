@@ -9,7 +9,7 @@ use oocpt_gpu::DeviceKind;
 use oocpt_render::{PlantedFaults, Session};
 
 /// Most pictures until all that rays ask for is in host memory: a GPU has rendered many before its pages are made.
-pub(crate) const MOST_PICTURES: u32 = 400;
+pub(crate) const MAX_PICTURES: u32 = 400;
 
 /// Renders again until no ray waits; the last picture.
 fn until_nobody_waits(session: &Session, at: usize) -> Render {
@@ -22,7 +22,7 @@ fn until_nobody_waits(session: &Session, at: usize) -> Render {
         if stats.hit_rate >= 1.0 {
             return Render { images: read_all(session, &request), stats };
         }
-        assert!(picture < MOST_PICTURES, "rays still wait: {stats:?}");
+        assert!(picture < MAX_PICTURES, "rays still wait: {stats:?}");
         session.restart();
         picture += 1;
     }
@@ -120,7 +120,7 @@ fn a_fully_resident_scene_leaves_streaming() {
         session.with_scene(scene.build);
         on_processor |= session.device_report().is_some_and(|device| device.kind == DeviceKind::Cpu);
         let mut without = 0;
-        for number in 0..MOST_PICTURES {
+        for number in 0..MAX_PICTURES {
             let (seen, stats) = picture(&session);
             let (name, streaming) = (scene.name, &stats.streaming);
             assert!(seen == images, "{name}, {number}: the picture differs");

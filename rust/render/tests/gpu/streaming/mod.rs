@@ -11,7 +11,7 @@ mod scenes;
 
 use crate::lights::TestFiles;
 use crate::support::{self, perspective, read_all, render_with_messages, request, settings};
-pub(crate) use host_mapped::MOST_PICTURES;
+pub(crate) use host_mapped::MAX_PICTURES;
 pub(crate) use moving_scenes::{DEFORMING, MOVING, MOVING_BULBS, MOVING_LAMPS};
 use oocpt_core::residency::PolicyKind;
 use oocpt_core::settings::{HostMapped, Settings};

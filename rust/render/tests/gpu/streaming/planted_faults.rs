@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Planted faults show, and failures of allocations do not: lost chunks, calls that fail, bytes that nobody counted.
 
-use super::MOST_PICTURES;
+use super::MAX_PICTURES;
 use super::scenes::{BEACH, SCENES, Scene};
 use super::{Render, TestFiles, options, percent, planting, render, request_of, small_chunks, smallest_budget};
 use crate::support::{self, read_all, render_with_messages};
@@ -147,7 +147,7 @@ fn books_and_driver(host_mapped: HostMapped) {
     let request = request_of(&BEACH);
     support::render(&session, &request);
     let maps = host_mapped == HostMapped::On;
-    for _ in 1..MOST_PICTURES {
+    for _ in 1..MAX_PICTURES {
         if !maps || session.stats().streaming.mapped_bytes > 0 {
             break;
         }

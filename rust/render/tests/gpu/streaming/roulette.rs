@@ -23,7 +23,7 @@ const SEEDS: [u32; 2] = [32, 64];
 /// The number of times that the roulette is to be played for each of the [`SEEDS`] ([`plays`]).
 const PLAYS: u32 = 16;
 /// The most times as many seeds that may be rendered for that.
-const MOST_BATCHES: u32 = 4;
+const MAX_BATCHES: u32 = 4;
 /// Seeds that only measure how often a machine plays.
 const PILOTS: Range<u32> = 1 << 20..(1 << 20) + 4;
 /// Probability of every load that is played for. At a half a load adds as much as often as it takes away, so that
@@ -118,7 +118,7 @@ fn enough(with: &mut Renderer) -> u32 {
     let played = plays(&with.totals).max(1);
     let wanted = (u64::from(PLAYS * least) * PILOTS.len() as u64).div_ceil(played);
     with.totals = StreamingStats::default();
-    u32::try_from(wanted).unwrap_or(u32::MAX).clamp(least, MOST_BATCHES * least).next_multiple_of(16)
+    u32::try_from(wanted).unwrap_or(u32::MAX).clamp(least, MAX_BATCHES * least).next_multiple_of(16)
 }
 
 /// Renders as many seeds.

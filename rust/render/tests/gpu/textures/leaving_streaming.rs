@@ -4,7 +4,7 @@
 
 use super::{Library, close, leaves, small_chunks};
 use crate::scenes::{prim, sphere};
-use crate::streaming::MOST_PICTURES;
+use crate::streaming::MAX_PICTURES;
 use crate::support::{self, read_all};
 use glam::{DMat4, DVec3};
 use oocpt_core::scene::SceneDb;
@@ -49,7 +49,7 @@ fn a_fully_resident_textured_scene_leaves_streaming() {
     let settings = Settings { memory_budget_mib: budget, host_mapped: HostMapped::On, ..long };
     let session = session(settings, PlantedFaults { leaves_soon: true, ..PlantedFaults::default() });
     let (mut without, mut changed) = (0, 0);
-    for number in 0..MOST_PICTURES {
+    for number in 0..MAX_PICTURES {
         let (seen, stats) = picture(&session);
         let streaming = &stats.streaming;
         assert!(seen == images, "{number}: the picture differs");

@@ -25,10 +25,10 @@ const THIN_TURN: f64 = 0.8;
 /// Number of pieces of a cubic segment if no camera decides it.
 const UNSEEN_PIECES: u32 = 8;
 /// Largest number of pieces of a segment.
-const MOST_PIECES: u32 = 256;
+const MAX_PIECES: u32 = 256;
 /// Number of pieces of one prim above which its segments are cut into fewer, though always into up to
 /// [`ALWAYS_PIECES`].
-const MOST_IN_ALL: usize = 1 << 23;
+const MAX_PIECES_OF_PRIM: usize = 1 << 23;
 const ALWAYS_PIECES: u32 = 8;
 
 /// A straight piece between two of the cut's points.
@@ -231,8 +231,8 @@ impl CutCurves {
 
 /// Largest number of pieces of a segment of curves with this many vertices, which have no more segments than that.
 fn most_pieces(vertices: usize) -> u32 {
-    let share = u32::try_from(MOST_IN_ALL / vertices.max(1)).unwrap_or(MOST_PIECES);
-    share.clamp(ALWAYS_PIECES, MOST_PIECES)
+    let share = u32::try_from(MAX_PIECES_OF_PRIM / vertices.max(1)).unwrap_or(MAX_PIECES);
+    share.clamp(ALWAYS_PIECES, MAX_PIECES)
 }
 
 /// Number of pieces of a segment; `sum` gives position and radius for weights.
@@ -258,14 +258,14 @@ fn pieces(
     let speed = from.truncate().distance(to.truncate());
     // The curve turns by about its second derivative over its speed; if it turns back, by half a turn and more.
     let for_turn = f64::min(bend / speed, 2.0 * std::f64::consts::PI) / turn;
-    let wanted = for_shape.max(for_turn).ceil().clamp(1.0, f64::from(MOST_PIECES));
+    let wanted = for_shape.max(for_turn).ceil().clamp(1.0, f64::from(MAX_PIECES));
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
-        reason = "between 1 and MOST_PIECES; NaN gives 0"
+        reason = "between 1 and MAX_PIECES; NaN gives 0"
     )]
     let wanted = wanted as u32;
-    wanted.clamp(1, MOST_PIECES)
+    wanted.clamp(1, MAX_PIECES)
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is what is wanted")]

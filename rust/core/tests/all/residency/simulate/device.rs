@@ -238,7 +238,7 @@ impl Simulation<'_> {
             next: &counts.next,
             visits,
             active: counts.active,
-            asked: None,
+            requested: None,
             ..RayDemand::default()
         };
         for command in self.planner.step(&demand) {

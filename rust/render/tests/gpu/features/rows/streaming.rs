@@ -64,7 +64,7 @@ pub(crate) const ROWS: &[Row] = &[
             OF_MATERIALS,
             OF_TEXTURES,
             OF_RESOLVING,
-            &["questions", "shadow_questions", "opacity masks"],
+            &["alpha_tests", "shadow_alpha_tests", "opacity masks"],
         ],
         primvars: &["st"],
         also: Also::Streaming,
