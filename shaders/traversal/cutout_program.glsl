@@ -6,8 +6,9 @@
 // first gives another share of coverage (decisions/0058).
 //
 // In core lookups request their tiles as those of shading do. With streaming a program makes at most CUTOUT_LOOKUPS of
-// them; the finished ones are stored with the deferred test, so that each tile lets it go on: the lookup under way is the
-// deferred test, resolve_cutouts continues it, and the ray comes back and runs the program again with the stored values.
+// them; the finished ones are stored with the deferred test, so that each tile lets it go on: the lookup under way is
+// the deferred test, resolve_cutouts continues it, and the ray comes back and runs the program again with the stored
+// values.
 #ifndef OOCPT_CUTOUT_PROGRAM_GLSL
 #define OOCPT_CUTOUT_PROGRAM_GLSL
 

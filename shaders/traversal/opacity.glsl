@@ -86,9 +86,9 @@ bool is_opaque(uint triangle, vec2 uv, bool is_second) {
 
 // Returns true if the material makes the surface opaque for this ray. With streaming, if a tile of its texture is
 // absent, the ray skips the surface, requests the tile, and puts the item on the list of pending ones. Of such an item
-// only the nearest undecided cutout becomes a deferred test; resolve_cutouts answers it, without the chunk and the mesh; the
-// ray comes back with the answer when these are resident. All nearer ones of the item are not there, or the ray would
-// have met them. So each tile or unit that is loaded, by itself, is progress for the ray.
+// only the nearest undecided cutout becomes a deferred test; resolve_cutouts answers it, without the chunk and the
+// mesh; the ray comes back with the answer when these are resident. All nearer ones of the item are not there, or the
+// ray would have met them. So each tile or unit that is loaded, by itself, is progress for the ray.
 bool is_cut_in(uint triangle, vec2 uv, float t, bool is_second) {
     uint above = walk.chunk_instance;
     for (uint i = 0u; i <= level_index(); ++i) above = hash_combine(above, chain[i]);

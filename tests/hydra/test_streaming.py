@@ -18,8 +18,8 @@ SIZE = (28, 28)
 MIN_BUDGET = "smallest"
 # Every policy at one budget in between and at the smallest; the budgets between under one policy.
 RUNS = [
-    (50, "benefit"), (25, "benefit"), (25, "priority"), (25, "sweep"), (MIN_BUDGET, "benefit"), (MIN_BUDGET, "priority"),
-    (MIN_BUDGET, "sweep"),
+    (50, "benefit"), (25, "benefit"), (25, "priority"), (25, "sweep"), (MIN_BUDGET, "benefit"),
+    (MIN_BUDGET, "priority"), (MIN_BUDGET, "sweep"),
 ]
 
 

@@ -153,8 +153,8 @@ impl<'a> NetworkWalker<'a> {
         {
             // The name of a definition has priority over the name of the element: `ramp_gradient` has an `ifgreater`
             // that is defined by `ND_ifgreatereq_color4I`. So does one of the namespace.
-            let is_told = node.definition.is_some() || node.namespace.is_some();
-            let named = if is_told { self.library.matching(node) } else { None };
+            let is_named = node.definition.is_some() || node.namespace.is_some();
+            let named = if is_named { self.library.matching(node) } else { None };
             return Arc::clone(named.map_or(&node.category, |definition| &definition.category));
         }
         if let Some(definition) = self.definition(at) {

@@ -23,15 +23,15 @@
 //! # Careful
 //! `s`, `V`, `c` are estimates. [`CARE`] times `s` is taken for `s`, hence `p = sqrt(2) p0`: that loses at most a tenth
 //! of the gain where the estimates are right, and is a gain as long as `s / (V c)` is less than `2 / p` times the
-//! estimate. A load with `p` above [`MAX_PROBABILITY`] is not played for: it would save little, and soon be wanted again by rays
-//! that are not known yet. Two accounts of the variance spent, `sum (1 / p - 1) s`, bound the harm:
+//! estimate. A load with `p` above [`MAX_PROBABILITY`] is not played for: it would save little, and soon be wanted
+//! again by rays that are not known yet. Two accounts of the variance spent, `sum (1 / p - 1) s`, bound the harm:
 //! - of a unit, since it was loaded last: a share [`PER_LOAD`] of `V x`, the cost of the load. So a unit that is wanted
 //!   again and again is loaded in the end, and the variance spent on it in vain is a small part of its price (rent or
 //!   buy; Karlin et al. 1988, "Competitive snoopy caching").
 //! - of all: a share [`PER_PICTURE`] of the picture's own `N V`.
 //!
-//! `p` is raised to what they leave. It is at least [`MIN_PROBABILITY`]: the contribution of a ray is not known in advance, and
-//! weights stay bounded.
+//! `p` is raised to what they leave. It is at least [`MIN_PROBABILITY`]: the contribution of a ray is not known in
+//! advance, and weights stay bounded.
 //!
 //! # States of a unit
 //! `Open -> Approved` (until it was resident, or no ray waits) or `Open -> Ending`, both at least until the step that
@@ -194,8 +194,8 @@ impl LoadRoulette {
     }
 }
 
-/// The probability of a load, [`MIN_PROBABILITY`] to [`MAX_PROBABILITY`] or 1, if `lost` and `spent` were spent on its unit and in all; 1 if
-/// something is not known.
+/// The probability of a load, [`MIN_PROBABILITY`] to [`MAX_PROBABILITY`] or 1, if `lost` and `spent` were spent on its
+/// unit and in all; 1 if something is not known.
 #[must_use]
 pub fn probability(stakes: &LoadStakes, prices: &LoadPrices, lost: f64, spent: f64) -> f64 {
     #[expect(clippy::cast_precision_loss, reason = "an estimate")]

@@ -242,8 +242,8 @@ impl NetworkWalker<'_> {
         })
     }
 
-    /// Roughness, ratio and rotation of the two alphas that a lobe has. The roughness is the root of the root of the mean
-    /// of their squares.
+    /// Roughness, ratio and rotation of the two alphas that a lobe has. The roughness is the root of the root of the
+    /// mean of their squares.
     fn lobe_roughness(&mut self, at: NodeAddress) -> (Val, Val, Val) {
         let alphas = self.number_or(at, "roughness", 0.05);
         let e = &mut self.expressions;

@@ -65,7 +65,7 @@ impl LoadWait {
 }
 
 /// The text of the report.
-pub(crate) fn reports(what: &str, count: usize, waited: Duration) -> String {
+pub(crate) fn report_text(what: &str, count: usize, waited: Duration) -> String {
     let s = if count == 1 { "" } else { "s" };
     format!("still waiting for {count} {what}{s} to be loaded: nothing has come for {} s", waited.as_secs())
 }

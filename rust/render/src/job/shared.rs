@@ -76,7 +76,7 @@ impl SharedState {
     ) -> Result<(), RenderError> {
         match patience.check(Instant::now(), lives) {
             WaitVerdict::Wait => {}
-            WaitVerdict::Tell(waited) => self.report(Severity::Warning, patience::told(what, count, waited)),
+            WaitVerdict::Tell(waited) => self.report(Severity::Warning, patience::report_text(what, count, waited)),
             WaitVerdict::Over => return Err(RenderError::Internal("the threads that load have ended".into())),
         }
         Ok(())

@@ -2,8 +2,9 @@
 //! The emission of a picture by place, with which triangles that show it are weighted. Only choices depend on it, never
 //! radiance.
 //!
-//! Bounds: a map has at most 256 x 256 cells and a third more; making it reads at most [`MAX_PICTURE_BYTES`] of a picture,
-//! from the coarsest level that is fine enough, in evenly spaced rows if that level is larger. Render thread only.
+//! Bounds: a map has at most 256 x 256 cells and a third more; making it reads at most [`MAX_PICTURE_BYTES`] of a
+//! picture, from the coarsest level that is fine enough, in evenly spaced rows if that level is larger. Render thread
+//! only.
 
 use super::emission_weight;
 use crate::textures::{ImageError, SourceImage};

@@ -294,8 +294,8 @@ fn smaller_masks_cover_as_much() {
         let values = texels(&layout, disc);
         let means = [1, 16, 128, 1024, 4096].map(|most_side| {
             let mask = sized(&layout, &values, &CUT, most_side);
-            let said = mask_bytes(&layout, most_side).next_multiple_of(size_of::<u32>());
-            assert_eq!(size_of_val(mask.words.as_slice()), said, "{size:?} {most_side}");
+            let expected = mask_bytes(&layout, most_side).next_multiple_of(size_of::<u32>());
+            assert_eq!(size_of_val(mask.words.as_slice()), expected, "{size:?} {most_side}");
             let (_, cells) = cells(&mask, &layout);
             assert!(cells.size.iter().all(|side| *side <= most_side), "{:?}", cells.size);
             cells.mean()

@@ -123,7 +123,8 @@ proptest! {
     ) {
         let budget = budget_of(&catalog, percent);
         let run = |requested: fn(u32, &Event) -> Option<Vec<u32>>| {
-            play_asked(&mut Witness::new(&catalog, budget, kind, 0), &events, Weather::Rough, |event| requested(more, event))
+            let mut witness = Witness::new(&catalog, budget, kind, 0);
+            play_asked(&mut witness, &events, Weather::Rough, |event| requested(more, event))
         };
         let list = |more: u32, event: &Event| {
             let is_asked = |values: &[u32], unit: u32| values.get(unit as usize).is_some_and(|rays| *rays > 0);
