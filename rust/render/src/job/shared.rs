@@ -3,6 +3,7 @@
 //! messages; and the gate that a frame asks whether it may go on.
 
 use crate::error::RenderError;
+use crate::job::RenderJob;
 use crate::job::commits::RenderControl;
 use crate::job::patience::{self, LoadWait, WaitVerdict};
 use crate::job::publish::PublishedImages;
