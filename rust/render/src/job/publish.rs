@@ -7,9 +7,12 @@
 
 use crate::job::aov::AovKind;
 use crate::job::window::PictureLayout;
+use rayon::prelude::*;
 
 /// Rows of the strips in which pixels are traced, one strip after the other (`pixel_position` of the shaders).
 const STRIP_ROWS: u64 = 8;
+/// Bytes that a thread copies at a time.
+const COPIED_AT_ONCE: usize = 1 << 20;
 
 /// How much of a picture is there: so many of its pixels, in the order in which they are traced.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -106,7 +109,7 @@ impl PublishedImages {
         let pixels = &pixels[..bytes.min(pixels.len())];
         self.change(kind, |image, layout| {
             if layout.is_whole() {
-                return image[..pixels.len()].copy_from_slice(pixels);
+                return copy_by_all(&mut image[..pixels.len()], pixels);
             }
             let mut rest = pixels;
             for row in layout.rows(kind) {
@@ -160,6 +163,13 @@ impl PublishedImages {
         }
         image.version
     }
+}
+
+/// Copies by all threads: the host waits for the end of it.
+fn copy_by_all(to: &mut [u8], from: &[u8]) {
+    to.par_chunks_mut(COPIED_AT_ONCE).zip(from.par_chunks(COPIED_AT_ONCE)).for_each(|(to, from)| {
+        to.copy_from_slice(from);
+    });
 }
 
 #[cfg(test)]

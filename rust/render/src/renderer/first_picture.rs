@@ -198,16 +198,38 @@ fn fill_up(
             widen_motion(&mut image, factor);
         }
         into.change(kind, |filled, layout| {
-            let rows = filled.par_chunks_exact_mut(width * bytes).skip(below).take(layout.window.height as usize);
-            rows.enumerate().for_each(|(y, row)| {
-                let pixels = &image[y / factor * coarse * bytes..][..coarse * bytes];
-                let row = &mut row[first * bytes..][..columns * bytes];
-                for (block, pixel) in row.chunks_mut(factor * bytes).zip(pixels.chunks_exact(bytes)) {
-                    block.chunks_exact_mut(bytes).for_each(|to| to.copy_from_slice(pixel));
+            let row_bytes = width * bytes;
+            let rows = layout.window.height as usize * row_bytes;
+            // Rows of the same pixels by the same thread: all but the first are copies of it.
+            let blocks = filled[below * row_bytes..][..rows].par_chunks_mut(factor * row_bytes);
+            blocks.zip(image.par_chunks_exact(coarse * bytes)).for_each(|(block, pixels)| {
+                let window = first * bytes..(first + columns) * bytes;
+                widen_row(&mut block[window.clone()], pixels, (factor, bytes));
+                for row in 1..block.len() / row_bytes {
+                    block.copy_within(window.clone(), row * row_bytes + window.start);
                 }
             });
         });
     }
+}
+
+/// Makes each of `pixels` `factor` times as wide; they have 4 or 16 bytes, or a few.
+fn widen_row(row: &mut [u8], pixels: &[u8], (factor, bytes): (usize, usize)) {
+    match bytes {
+        4 => widen_words::<4>(row, pixels, factor),
+        16 => widen_words::<16>(row, pixels, factor),
+        _ => {
+            for (block, pixel) in row.chunks_mut(factor * bytes).zip(pixels.chunks_exact(bytes)) {
+                block.chunks_exact_mut(bytes).for_each(|to| to.copy_from_slice(pixel));
+            }
+        }
+    }
+}
+
+/// The same for a size that the compiler knows.
+fn widen_words<const BYTES: usize>(row: &mut [u8], pixels: &[u8], factor: usize) {
+    let (row, pixels) = (row.as_chunks_mut::<BYTES>().0, pixels.as_chunks::<BYTES>().0);
+    row.chunks_mut(factor).zip(pixels).for_each(|(block, pixel)| block.fill(*pixel));
 }
 
 /// Motion over the image is in its pixels, the change of depth behind it is not.

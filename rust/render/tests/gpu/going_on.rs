@@ -141,6 +141,10 @@ fn other_value(key: &str, default: &SettingValue) -> Option<SettingValue> {
         ("oocpt:policy", _) => SettingValue::Text("sweep".into()),
         ("oocpt:hostMappedGeometry", _) => SettingValue::Text("off".into()),
         ("oocpt:memoryBudget" | "oocpt:geometryBudget" | "oocpt:hostMemoryBudget", _) => SettingValue::Int(1 << 20),
+        ("oocpt:pixelFilter", _) => SettingValue::Text("mitchell".into()),
+        ("oocpt:maxDiffuseBounces" | "oocpt:maxSpecularBounces" | "oocpt:maxTransmissionBounces", _) => {
+            SettingValue::Int(1)
+        }
         ("oocpt:samplesPerPixel" | "convergedSamplesPerPixel", _) => SettingValue::Int(6),
         ("oocpt:timeLimit", _) => SettingValue::Float(1000.0),
         ("oocpt:targetError", _) => SettingValue::Float(1e-9),
