@@ -13,7 +13,7 @@ use crate::sync::lock;
 use oocpt_core::stats::RenderStats;
 use oocpt_gpu::DeviceReport;
 use std::sync::atomic::AtomicBool;
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 /// State shared between the host's threads and those of the session.
@@ -35,7 +35,7 @@ pub(crate) struct SharedState {
     #[cfg(feature = "faults")]
     pub(crate) witness: Mutex<crate::job::faults::FaultWitness>,
     #[cfg(feature = "faults")]
-    pub(crate) commit_gate: Arc<crate::job::faults::CommitGate>,
+    pub(crate) commit_gate: std::sync::Arc<crate::job::faults::CommitGate>,
 }
 
 impl SharedState {
