@@ -26,6 +26,7 @@ KEYS = [
     "oocpt:pipelines", "oocpt:buffers",
     "oocpt:buffersLeftOut", "oocpt:bufferBytes", "oocpt:bytesLeftOut", "oocpt:primvars", "oocpt:primvarsLeftOut",
     "oocpt:maxLevels", "oocpt:stackSize", "oocpt:traversalBackend", "oocpt:traversalReason",
+    "oocpt:samplesKept", "oocpt:commits", "oocpt:commitsInHostThread", "oocpt:commitPending",
     "oocpt:secondsTracing", "oocpt:secondsLoading", "oocpt:secondsWaiting", "oocpt:secondsOverlapped",
 ]  # fmt: skip
 LISTED = [
@@ -34,6 +35,8 @@ LISTED = [
     "oocpt:report", "oocpt:targetError",
     "oocpt:stragglerRoulette", "oocpt:adaptiveSampling", "oocpt:textureCache", "oocpt:textureCacheSize",
     "oocpt:geometryCache", "oocpt:geometryCacheSize", "oocpt:pipelineCache",
+    "oocpt:maxDiffuseBounces", "oocpt:maxSpecularBounces", "oocpt:maxTransmissionBounces",
+    "oocpt:pixelFilter", "oocpt:pixelFilterWidth",
     "convergedSamplesPerPixel", "enableInteractive", "domeLightCameraVisibility", "enableSceneLights",
 ]  # fmt: skip
 # Tools for developing the renderer: they work wherever a setting can be given, and no host lists them.

@@ -18,7 +18,7 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 /// A batch of edits. What cannot be converted is added to `warnings`, summed up over the batch.
 pub(crate) fn of(batch: ffi::SceneEdits, warnings: &Arc<Mutex<Vec<String>>>) -> Vec<SceneEdit> {
     let complaints = BatchComplaints::default();
-    let removed = batch.removed.into_iter().map(SceneEdit::Remove);
+    let removed = batch.removed.into_iter().inspect(|path| tracing::debug!(path, "remove")).map(SceneEdit::Remove);
     let materials = batch.materials.into_iter().map(|desc| edit_material(desc, &complaints));
     let meshes = batch.meshes.into_iter().map(|desc| edit_mesh(desc, &complaints));
     let instancers = batch.instancers.into_iter().map(|desc| edit_instancer(desc, &complaints));
