@@ -6,7 +6,8 @@ use crate::job::commits::CommitWork;
 use crate::job::shared::SharedState;
 use crate::session::commit::SessionScene;
 use crate::sync::lock;
-use std::sync::{Arc, Mutex};
+use rayon::{ThreadPool, ThreadPoolBuilder};
+use std::sync::{Arc, LazyLock, Mutex};
 
 /// Runs until the session ends, at the latest when the commit under way is done.
 pub(super) fn run(shared: &Arc<SharedState>, scene: &Mutex<SessionScene>) {
@@ -14,13 +15,35 @@ pub(super) fn run(shared: &Arc<SharedState>, scene: &Mutex<SessionScene>) {
         let mut scene = lock(scene);
         // The scene is locked first: whoever has it sees all edits that were taken.
         let Some(CommitWork { edits, ask }) = shared.control().commits.begin() else { continue };
-        scene.edit(edits, shared);
-        let Some(ask) = ask else { continue };
-        let result = scene.commit(&ask, shared);
+        let is_live = ask.as_ref().is_some_and(|ask| ask.settings.interactive);
+        let edited = &mut *scene;
+        let result = beside_pictures(is_live, || {
+            edited.edit(edits, shared);
+            ask.as_ref().map(|ask| edited.commit(ask, shared))
+        });
         drop(scene);
+        let (Some(ask), Some(result)) = (ask, result) else { continue };
         let before = shared.control().committed(ask, result);
         shared.notify();
         drop(before);
+    }
+}
+
+/// The threads that build what live sessions commit. Those of the global pool show pictures meanwhile, and would come to
+/// it only after the builds that are queued before.
+static BUILDERS: LazyLock<Option<ThreadPool>> = LazyLock::new(|| {
+    let pool = ThreadPoolBuilder::new().thread_name(|number| format!("oocpt-build-{number}")).build();
+    pool.inspect_err(|error| tracing::warn!(%error, "commits share the threads that show pictures")).ok()
+});
+
+/// Runs `work`, for a live session with those threads.
+fn beside_pictures<R: Send>(is_live: bool, work: impl FnOnce() -> R + Send) -> R {
+    if !is_live {
+        return work();
+    }
+    match BUILDERS.as_ref() {
+        Some(pool) => pool.install(work),
+        None => work(),
     }
 }
 

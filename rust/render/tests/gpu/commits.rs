@@ -8,6 +8,7 @@ use glam::{DMat4, DVec3};
 use oocpt_core::settings::Settings;
 use oocpt_render::{AovKind, AovRequest, CommitGate, RenderRequest, SceneEdit, Session, SessionOptions, Severity};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 /// A dome of this radiance, which is what the corners of a picture show.
@@ -112,6 +113,34 @@ fn a_camera_that_moves_during_a_commit_shows_the_scene_of_before_and_then_that_o
     finish(&session);
     assert_eq!((gate.arrived(), session.generation()), (3, newest), "both moves share a commit, which changes nothing");
     assert_eq!(session.shown_generation(), session.generation(), "the newest job is shown");
+}
+
+#[test]
+fn pictures_do_not_wait_for_threads_that_build() {
+    let (session, gate) = session(true);
+    gate.close();
+    let [begun, held] = [Arc::new(AtomicBool::new(false)), Arc::new(AtomicBool::new(true))];
+    let builds = {
+        let (begun, held) = (Arc::clone(&begun), Arc::clone(&held));
+        SceneEdit::other(move |_| {
+            rayon::broadcast(|_| {
+                begun.store(true, Ordering::Relaxed);
+                let end = Instant::now() + TIMEOUT;
+                while held.load(Ordering::Relaxed) && Instant::now() < end {
+                    std::thread::sleep(Duration::from_millis(2));
+                }
+            });
+        })
+    };
+    session.edit(vec![builds]);
+    session.render(view(16));
+    wait_until("the builds begin", || begun.load(Ordering::Relaxed));
+    session.render(view(17));
+    wait_until("a picture while all of them are busy", || session.shown_generation() == session.generation());
+    assert_eq!((session.generation(), gate.passed()), (2, 1), "the commit is still under way");
+    held.store(false, Ordering::Relaxed);
+    gate.open();
+    finish(&session);
 }
 
 #[test]
