@@ -29,8 +29,8 @@ pub(super) fn run(shared: &Arc<SharedState>, scene: &Mutex<SessionScene>) {
     }
 }
 
-/// The threads that build what live sessions commit. Those of the global pool show pictures meanwhile, and would come to
-/// it only after the builds that are queued before.
+/// The threads that build what live sessions commit. Those of the global pool show pictures meanwhile: there the work
+/// for a picture would wait for the builds that were queued before.
 static BUILDERS: LazyLock<Option<ThreadPool>> = LazyLock::new(|| {
     let pool = ThreadPoolBuilder::new().thread_name(|number| format!("oocpt-build-{number}")).build();
     pool.inspect_err(|error| tracing::warn!(%error, "commits share the threads that show pictures")).ok()
