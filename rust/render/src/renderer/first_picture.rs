@@ -58,6 +58,12 @@ impl TracingPace {
         self.rate = Some(if secs > target { old.min(new) } else { old.max(new) });
     }
 
+    /// Learns from a picture that was given up after so long, without a sample for each of so many pixels.
+    pub(crate) fn learn_at_most(&mut self, pixels: u64, secs: f64) {
+        let Some(new) = rate(pixels, secs) else { return };
+        self.rate = Some(self.rate.map_or(new, |old| old.min(new)));
+    }
+
     /// By what to divide the sides of a picture of so many pixels.
     fn factor(self, pixels: u64, is_cpu: bool) -> u32 {
         let [target, unknown] = if is_cpu { [TARGET_SECS_CPU, UNKNOWN_PACE_CPU] } else { [TARGET_SECS, UNKNOWN_PACE] };
@@ -270,5 +276,16 @@ mod tests {
         assert_eq!(pace.rate(), Some(1e4), "the scene has become slow");
         pace.learn(0, 0.0);
         assert_eq!(pace.rate(), Some(1e4), "nothing was traced");
+    }
+
+    #[test]
+    fn a_picture_that_is_given_up_says_how_fast_the_device_is_at_most() {
+        let (mut pace, pixels) = (TracingPace { rate: Some(1e6) }, 57_600);
+        assert_eq!(pace.factor(pixels, true), 1, "a whole sample is thought to be as fast");
+        pace.learn_at_most(pixels, 0.01);
+        assert_eq!(pace.rate(), Some(1e6), "it was too short to tell");
+        pace.learn_at_most(pixels, 0.1);
+        assert_eq!(pace.rate(), Some(5.76e5), "it was not");
+        assert_eq!(pace.factor(pixels, true), 2, "so the next one has a first picture");
     }
 }

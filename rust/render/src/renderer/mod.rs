@@ -35,14 +35,11 @@ use oocpt_core::scene::Snapshot;
 use oocpt_gpu::{DriverCall, PlantedFailure};
 use oocpt_gpu::{Gpu, GpuError};
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 use upload::UploadDecision;
 
 /// One part in so many of a scene's bytes is lost at most between the ranges of arenas.
 const PACKING: u64 = 24;
-
-/// Where there is no other first picture, a newer job waits so long for the first sample of each pixel.
-const FIRST_SAMPLE: Duration = Duration::from_millis(100);
 
 /// Sets the limit of host memory in which rays read the tiles of a scene in core that find no room on the device.
 fn limit_mapped_tiles(context: &FrameContext<'_>, scene: &DeviceScene) -> Result<(), RenderError> {
@@ -386,10 +383,16 @@ impl Renderer {
         if context.job.options.faults.first_picture_alone {
             return Ok(());
         }
-        let gate = if context.job.settings.interactive { gate.for_first_picture(FIRST_SAMPLE) } else { *gate };
+        let began = Instant::now();
+        // Where there is no other first picture, the first sample of each pixel is it.
+        let gate =
+            if context.job.settings.interactive { gate.for_first_picture(first_picture::PATIENCE) } else { *gate };
         self.trace_in_core(context, scene, first, &gate, progress)?;
-        if progress.timings.paths >= context.job.request.pixels() {
+        let pixels = context.job.request.pixels();
+        if progress.timings.paths >= pixels {
             self.first_pictures.pace.learn(progress.timings.paths, progress.timings.trace_secs);
+        } else if gate.is_superseded() {
+            self.first_pictures.pace.learn_at_most(pixels, began.elapsed().as_secs_f64());
         }
         Ok(())
     }
