@@ -25,7 +25,7 @@ HERE = pathlib.Path(__file__).resolve().parent
 SCENES = HERE.parent / "scenes"
 sys.path.insert(0, str(HERE))
 
-from measure_sets import machine  # noqa: E402
+from measure_sets import machine, names  # noqa: E402
 from usdrecord_runs import MIB, Scene, scene_of  # noqa: E402
 
 MADE = {
@@ -105,18 +105,11 @@ def worst_first(rows: list[dict]) -> list[dict]:
     return sorted(rows, key=badness, reverse=True)
 
 
-def names(text: str) -> list[str]:
-    found = [word for word in text.split(",") if word]
-    for word in found:
-        if word not in MADE:
-            raise argparse.ArgumentTypeError(f"{word} is none of {', '.join(MADE)}")
-    return found
-
-
 def make_parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="cargo xtask bench live")
     add = parser.add_argument
-    add("--scenes", type=names, default=list(MADE), help="made here; '' for none (default: all three)")
+    made = lambda text: names(text, MADE)
+    add("--scenes", type=made, default=list(MADE), help="made here; '' for none (default: all three)")
     add("--scene", action="append", default=[], help="any file: FILE[,camera=PATH][,frame=TIME]; may be repeated")
     add("--width", type=int, default=1280)
     add("--height", type=int, default=720)

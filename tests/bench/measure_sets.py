@@ -212,11 +212,11 @@ def scenes_of(arguments) -> list[Scene]:
     return made
 
 
-def names(text: str) -> list[str]:
+def names(text: str, known=SETS) -> list[str]:
     found = [word for word in text.split(",") if word]
     for word in found:
-        if word not in SETS:
-            raise argparse.ArgumentTypeError(f"{word} is none of {', '.join(SETS)}")
+        if word not in known:
+            raise argparse.ArgumentTypeError(f"{word} is none of {', '.join(known)}")
     return found
 
 

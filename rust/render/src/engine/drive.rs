@@ -20,7 +20,7 @@ use std::time::{Duration, Instant};
 /// Submissions under way at the same time.
 pub(crate) const IN_FLIGHT: usize = 2;
 
-/// While the device works, the host is heard so often.
+/// Time between two looks for a newer job while a submission is under way.
 const HEARS_EVERY: Duration = Duration::from_millis(1);
 
 /// How a stage ended.

@@ -54,18 +54,10 @@ fn film_bytes(pixels: u64, adaptive: bool) -> u64 {
     pixels * streams * size_of::<FilmPixel>() as u64
 }
 
-/// The images wanted, each kind once.
-fn wanted(request: &RenderRequest) -> Vec<AovKind> {
-    let mut kinds: Vec<AovKind> = request.aovs.iter().map(|aov| aov.kind).collect();
-    kinds.sort_unstable();
-    kinds.dedup();
-    kinds
-}
-
 impl Film {
     /// Memory for the images of `request`, sampled adaptively or not.
     pub(crate) fn new(gpu: &Arc<Gpu>, request: &RenderRequest, adaptive: bool) -> Result<Self, GpuError> {
-        let (pixels, kinds) = (request.pixels(), wanted(request));
+        let (pixels, kinds) = (request.pixels(), request.kinds());
         let plane = |name: &str, bytes: usize| Buffer::new(gpu, name, pixels * bytes as u64, BufferUsage::Device);
         let shows_color = kinds.contains(&AovKind::Color);
         let has_color = shows_color || kinds.contains(&AovKind::SampleCount);
@@ -88,7 +80,7 @@ impl Film {
 
     /// Whether these images serve `request` too, wherever its window is.
     pub(crate) fn fits(&self, request: &RenderRequest, adaptive: bool) -> bool {
-        let same = self.pixels == request.pixels() && self.kinds == wanted(request);
+        let same = self.pixels == request.pixels() && self.kinds == request.kinds();
         same && self.adaptive.is_some() == (adaptive && self.has_color())
     }
 
@@ -270,7 +262,7 @@ impl Film {
     }
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "ids are asked for as floats; rounding saturates")]
+#[expect(clippy::cast_possible_truncation, reason = "clear values of ids are given as floats; the cast saturates")]
 fn bind_clear(frame: &mut FrameConstants, aov: &AovRequest) {
     let [x, y, z, _] = aov.clear;
     let id = x.round() as i32;

@@ -11,7 +11,6 @@ use crate::frame::context::is_cpu;
 use crate::frame::kept_samples::KeptSamples;
 use crate::host_memory;
 use crate::job::RenderJob;
-use crate::job::aov::AovKind;
 use crate::job::patience::LoadWait;
 use crate::job::publish::PictureExtent;
 use crate::job::request::Severity;
@@ -468,9 +467,7 @@ impl<'a> FrameProgress<'a> {
             Severity::Warning,
             format!("the window that is to be rendered has no pixel in the picture of {width} x {height}"),
         );
-        let mut kinds: Vec<AovKind> = job.request.aovs.iter().map(|aov| aov.kind).collect();
-        kinds.sort_unstable();
-        kinds.dedup();
+        let kinds = job.request.kinds();
         let mut published = lock(&self.shared.published);
         if published.begin(self.generation, &kinds, &self.layout, PictureExtent::WHOLE) {
             kinds.iter().for_each(|kind| published.put(*kind, &[], PictureExtent::WHOLE));

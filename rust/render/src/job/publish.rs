@@ -165,7 +165,7 @@ impl PublishedImages {
     }
 }
 
-/// Copies by all threads: the host waits for the end of it.
+/// Copies on all threads: a host that reads images waits for the lock meanwhile.
 fn copy_by_all(to: &mut [u8], from: &[u8]) {
     to.par_chunks_mut(COPIED_AT_ONCE).zip(from.par_chunks(COPIED_AT_ONCE)).for_each(|(to, from)| {
         to.copy_from_slice(from);

@@ -2,7 +2,7 @@
 //! One request to render, and the messages that come back.
 
 use crate::error::RenderError;
-use crate::job::aov::AovRequest;
+use crate::job::aov::{AovKind, AovRequest};
 use crate::job::window::{PictureLayout, PixelWindow};
 use oocpt_core::camera::Camera;
 
@@ -52,6 +52,14 @@ impl RenderRequest {
     /// Pixels of each image.
     pub fn image_pixels(&self) -> u64 {
         u64::from(self.width) * u64::from(self.height)
+    }
+
+    /// The kinds of its images, each once, in order.
+    pub(crate) fn kinds(&self) -> Vec<AovKind> {
+        let mut kinds: Vec<AovKind> = self.aovs.iter().map(|aov| aov.kind).collect();
+        kinds.sort_unstable();
+        kinds.dedup();
+        kinds
     }
 
     /// Where the pixels go in the images.

@@ -100,7 +100,10 @@ impl PictureLayout {
     /// Fills an image of `kind` with its clear value.
     pub(crate) fn clear(&self, kind: AovKind, image: &mut [u8]) {
         let clear = self.aovs.iter().find(|aov| aov.kind == kind).map_or([0.0; 4], |aov| aov.clear);
-        #[expect(clippy::cast_possible_truncation, reason = "ids are asked for as floats; rounding saturates")]
+        #[expect(
+            clippy::cast_possible_truncation,
+            reason = "clear values of ids are given as floats; the cast saturates"
+        )]
         let value = match kind {
             AovKind::PrimId | AovKind::InstanceId | AovKind::ElementId => {
                 [clear[0].round() as i32; 4].map(i32::to_ne_bytes)

@@ -187,9 +187,7 @@ fn fill_up(
     (job, layout): (&RenderJob, &PictureLayout),
     factor: u32,
 ) {
-    let mut kinds: Vec<AovKind> = job.request.aovs.iter().map(|aov| aov.kind).collect();
-    kinds.sort_unstable();
-    kinds.dedup();
+    let kinds = job.request.kinds();
     if !kinds.iter().all(|kind| from.image(*kind).is_some())
         || !into.begin(job.generation, &kinds, layout, PictureExtent::WHOLE)
     {

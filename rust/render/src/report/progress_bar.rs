@@ -27,7 +27,7 @@ pub(crate) struct BarState {
     pub(crate) elapsed: Duration,
     /// The time limit.
     pub(crate) limit: Option<Duration>,
-    /// Samples of each pixel, and as many as are asked for.
+    /// Finished samples of each pixel, and samples per pixel of the whole render.
     pub(crate) samples: [u32; 2],
     /// The error as last estimated.
     pub(crate) rel_mse: Option<f64>,

@@ -217,8 +217,8 @@ impl Session {
         self.shared.control().paused
     }
 
-    /// Gives the current image up as it is, and that which a pending commit would bring. With `blocking`, returns when
-    /// the render thread is idle; a commit goes on.
+    /// Ends the current render with the samples that it has. A commit that is pending goes on, but no render follows
+    /// it. With `blocking`, returns when the render thread is idle.
     pub fn stop(&self, blocking: bool) {
         let has_thread = lock(&self.render_thread).is_some();
         let mut control = self.shared.control();
