@@ -251,9 +251,11 @@ fn settings_survive_serialisation_and_missing_fields() {
 fn other_value(value: &SettingValue, key: &str) -> SettingValue {
     match (value, key) {
         (_, "oocpt:traversal") => SettingValue::Text("native".into()),
+        (_, "oocpt:pixelFilter") => SettingValue::Text("mitchell".into()),
         (_, "oocpt:policy") => SettingValue::Text("sweep".into()),
         (_, "oocpt:hostMappedGeometry") => SettingValue::Text("off".into()),
         (SettingValue::Bool(value), _) => SettingValue::Bool(!value),
+        (SettingValue::Int(value), _) if key.ends_with("Bounces") => SettingValue::Int(value - 1), // some are at most
         (SettingValue::Int(value), _) => SettingValue::Int(value + 1),
         (SettingValue::Float(value), _) => SettingValue::Float(value + 1.0),
         (SettingValue::Text(_), _) => SettingValue::Text("other".into()),
