@@ -5,11 +5,13 @@
 #include "oocpt-bridge/src/lib.rs.h"
 #include "pxr/base/gf/vec2d.h"
 #include "pxr/base/gf/vec4d.h"
+#include "scene/motionReader.h"
 #include "scene/primReader.h"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <iterator>
 
 PXR_NAMESPACE_OPEN_SCOPE
 
@@ -86,6 +88,16 @@ oocpt::RenderDesc HdOocPTDescribeRender(const HdOocPTRenderRequest& request, con
         desc.purposes.push_back(rust::String::lossy(HdOocPTPurposeOfTag(tag).GetString()));
     }
     return desc;
+}
+
+void HdOocPTDescribeCamera(const HdOocPTSceneReader& reader, const SdfPath& camera, const GfMatrix4d& viewToWorld,
+    oocpt::RenderDesc* desc, HdOocPTWarnings* warnings)
+{
+    desc->exposure_scale = reader.GetExposureScale(camera, warnings);
+    HdOocPTFillMotion(reader.GetCameraMotion(camera, viewToWorld), &desc->camera_motion);
+    for (const GfVec4d& plane : reader.GetClippingPlanes(camera, warnings)) {
+        std::copy_n(plane.GetArray(), 4, std::back_inserter(desc->clip_planes));
+    }
 }
 
 void HdOocPTCrop(const HdOocPTRenderRequest& request, const std::optional<GfRange2d>& window, oocpt::RenderDesc* desc)

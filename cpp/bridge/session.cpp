@@ -2,6 +2,7 @@
 #include "bridge/session.h"
 
 #include "bridge/imageSource.h"
+#include "bridge/productDesc.h"
 #include "bridge/renderDesc.h"
 #include "bridge/scalar.h"
 #include "oocpt-bridge/src/ffi_runner.rs.h"
@@ -251,16 +252,14 @@ void HdOocPTSession::Render(const HdOocPTRenderRequest& request)
         const HdOocPTLens lens = hasLens ? _impl->reader->GetLens(request.cameraPath) : HdOocPTLens {};
         oocpt::RenderDesc desc = HdOocPTDescribeRender(request, lens);
         desc.exposure_scale = 1.0f;
+        rust::Vec<oocpt::ProductDesc> products;
         if (_impl->reader) {
-            desc.exposure_scale = _impl->reader->GetExposureScale(request.cameraPath, &_impl->warnings);
             _impl->reader->CheckPurposes(request.renderTags, &_impl->warnings);
             HdOocPTCrop(request, _impl->reader->GetDataWindow(), &desc);
             GfMatrix4d viewToWorld(1.0);
             std::copy_n(desc.world_from_view.begin(), 16, viewToWorld.GetArray());
-            HdOocPTFillMotion(_impl->reader->GetCameraMotion(request.cameraPath, viewToWorld), &desc.camera_motion);
-            for (const GfVec4d& plane : _impl->reader->GetClippingPlanes(request.cameraPath, &_impl->warnings)) {
-                std::copy_n(plane.GetArray(), 4, std::back_inserter(desc.clip_planes));
-            }
+            HdOocPTDescribeCamera(*_impl->reader, request.cameraPath, viewToWorld, &desc, &_impl->warnings);
+            products = HdOocPTDescribeProducts(*_impl->reader, request, hasLens, &_impl->warnings);
         }
         const auto isMotion = [](const HdOocPTAovRequest& aov) { return aov.name == HdOocPTSceneTokens->motion; };
         if (_impl->reader && !_impl->reader->IsShutterOpen()
@@ -268,7 +267,7 @@ void HdOocPTSession::Render(const HdOocPTRenderRequest& request)
             _impl->warnings.Add(request.cameraPath,
                 "its shutter is not open, or motion blur is turned off: the AOV motion is 0 everywhere");
         }
-        (*_impl->session)->render(std::move(desc));
+        (*_impl->session)->render(std::move(desc), std::move(products));
     });
     _impl->warnings.Post();
 }

@@ -435,6 +435,7 @@ void HdOocPTSceneReader::_ReadSettings(HdOocPTWarnings* warnings)
 {
     _settings.clear();
     _dataWindow = std::nullopt;
+    _products = HdOocPTReadProducts(*_scene, _settingsPrims);
     _isMotionDisabled = false;
     _isLensDisabled = false;
     for (const SdfPath& path : _settingsPrims) {

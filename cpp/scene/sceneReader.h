@@ -10,6 +10,7 @@
 #include "scene/links.h"
 #include "scene/motionReader.h"
 #include "scene/primKind.h"
+#include "scene/productReader.h"
 #include "scene/sceneObserver.h"
 #include "scene/settingsReader.h"
 #include "scene/warnings.h"
@@ -71,6 +72,18 @@ public:
     /// HdOocPTReadDataWindow().
     const std::optional<GfRange2d>& GetDataWindow() const { return _dataWindow; }
 
+    /// The products of the active render settings, as of the last Read().
+    const std::vector<HdOocPTProduct>& GetProducts() const { return _products; }
+
+    /// The current view of a product's camera, see HdOocPTReadProductView().
+    std::optional<HdOocPTProductView> GetProductView(const HdOocPTProduct& product) const
+    {
+        return HdOocPTReadProductView(*_scene, product);
+    }
+
+    /// See HdOocPTReadCurrentFrame().
+    std::optional<double> GetCurrentFrame() const { return HdOocPTReadCurrentFrame(*_scene); }
+
     /// The current lens of a camera prim; none if the active render settings turn it off.
     HdOocPTLens GetLens(const SdfPath& camera) const
     {
@@ -128,6 +141,7 @@ private:
     std::set<SdfPath> _settingsPrims;
     HdOocPTSettingMap _settings;
     std::optional<GfRange2d> _dataWindow;
+    std::vector<HdOocPTProduct> _products;
     SdfPath _camera;
     HdOocPTShutter _shutter;
     bool _isShutterNew = false;

@@ -62,12 +62,16 @@ bool _Has(const HdContainerDataSourceHandle& container, const TfToken& name)
     return std::find(names.begin(), names.end(), name) != names.end();
 }
 
-HdContainerDataSourceHandle _FindActive(const HdSceneIndexBase& scene, const SdfPath& path)
+} // namespace
+
+HdContainerDataSourceHandle HdOocPTFindActiveSettings(const HdSceneIndexBase& scene, const SdfPath& path)
 {
     const HdSceneIndexPrim prim = scene.GetPrim(path);
     return _IsActive(scene, prim, path) ? HdOocPTFindContainer(prim.dataSource, { HdOocPTSceneTokens->renderSettings })
                                         : nullptr;
 }
+
+namespace {
 
 /// Returns true if one of the switches is on, of the settings or of all products.
 bool _IsAnySet(const HdContainerDataSourceHandle& settings, const TfTokenVector& switches)
@@ -111,12 +115,12 @@ std::optional<TfTokenVector> _ReadTokens(const HdContainerDataSourceHandle& sett
 bool HdOocPTReadsMotionDisabled(const HdSceneIndexBase& scene, const SdfPath& path)
 {
     const auto& tokens = *HdOocPTSceneTokens;
-    return _IsAnySet(_FindActive(scene, path), { tokens.disableMotionBlur, tokens.instantaneousShutter });
+    return _IsAnySet(HdOocPTFindActiveSettings(scene, path), { tokens.disableMotionBlur, tokens.instantaneousShutter });
 }
 
 bool HdOocPTReadsLensDisabled(const HdSceneIndexBase& scene, const SdfPath& path)
 {
-    return _IsAnySet(_FindActive(scene, path), { HdOocPTSceneTokens->disableDepthOfField });
+    return _IsAnySet(HdOocPTFindActiveSettings(scene, path), { HdOocPTSceneTokens->disableDepthOfField });
 }
 
 namespace {
@@ -160,7 +164,7 @@ std::vector<GfVec4d> _ReadWindows(const HdContainerDataSourceHandle& settings)
 std::optional<GfRange2d> HdOocPTReadDataWindow(
     const HdSceneIndexBase& scene, const SdfPath& path, HdOocPTWarnings* warnings)
 {
-    const HdContainerDataSourceHandle settings = _FindActive(scene, path);
+    const HdContainerDataSourceHandle settings = HdOocPTFindActiveSettings(scene, path);
     const std::vector<GfVec4d> windows = settings ? _ReadWindows(settings) : std::vector<GfVec4d>();
     GfRange2d all;
     for (const GfVec4d& window : windows) {
@@ -181,7 +185,7 @@ HdOocPTPurposes HdOocPTReadPurposes(const HdSceneIndexBase& scene, const std::se
     const auto& tokens = *HdOocPTSceneTokens;
     HdOocPTPurposes purposes;
     for (const SdfPath& path : prims) {
-        const HdContainerDataSourceHandle settings = _FindActive(scene, path);
+        const HdContainerDataSourceHandle settings = HdOocPTFindActiveSettings(scene, path);
         if (!settings) {
             continue;
         }

@@ -5,6 +5,7 @@
 #include "pxr/base/gf/range2d.h"
 #include "pxr/base/tf/token.h"
 #include "pxr/base/vt/value.h"
+#include "pxr/imaging/hd/dataSource.h"
 #include "pxr/imaging/hd/sceneIndex.h"
 #include "pxr/pxr.h"
 #include "pxr/usd/sdf/path.h"
@@ -18,6 +19,9 @@ PXR_NAMESPACE_OPEN_SCOPE
 
 /// Settings by key, in a fixed order.
 using HdOocPTSettingMap = std::map<TfToken, VtValue>;
+
+/// The render settings at a path, if they are the active ones.
+HdContainerDataSourceHandle HdOocPTFindActiveSettings(const HdSceneIndexBase& scene, const SdfPath& path);
 
 /// The namespaced settings of a render settings prim. Empty unless the prim is the one that the scene's globals name as
 /// active; for a host without globals, unless the prim itself says that it is active.

@@ -70,9 +70,17 @@ PXR_NAMESPACE_OPEN_SCOPE
     (renderingColorSpace)(lin_rec709)(lin_rec709_scene)(dataWindowNDC)                                                               \
     /* purposes and render tags */                                                                                    \
     (geometry)((defaultPurpose, "default"))(render)(proxy)(guide)
+
+/// Names of render products and their views: a list of tokens holds 256 at most.
+#define HDOOCPT_PRODUCT_TOKENS                                                                                        \
+    (path)(type)(name)(resolution)(renderVars)(cameraPrim)(pixelAspectRatio)(aspectRatioConformPolicy)(dataWindowNDC) \
+    (disableDepthOfField)(namespacedSettings)(dataType)(sourceName)(sourceType)(expandAperture)(cropAperture)         \
+    (adjustApertureWidth)(adjustApertureHeight)(adjustPixelAspectRatio)(currentFrame)(focalLength)(projection)        \
+    (horizontalAperture)(verticalAperture)(horizontalApertureOffset)(verticalApertureOffset)(clippingRange)
 // clang-format on
 
 TF_DECLARE_PUBLIC_TOKENS(HdOocPTSceneTokens, HDOOCPT_SCENE_TOKENS);
+TF_DECLARE_PUBLIC_TOKENS(HdOocPTProductTokens, HDOOCPT_PRODUCT_TOKENS);
 
 PXR_NAMESPACE_CLOSE_SCOPE
 

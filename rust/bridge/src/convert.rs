@@ -5,6 +5,7 @@
 //! prim lives.
 
 pub(crate) mod motion;
+pub(crate) mod product;
 mod solid;
 
 use crate::ffi;

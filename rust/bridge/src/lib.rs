@@ -415,6 +415,32 @@ mod ffi {
         purposes: Vec<String>,
     }
 
+    /// A render var of a product; settings are namespaced ones.
+    struct ProductVarDesc {
+        path: String,
+        data_type: String,
+        source_name: String,
+        source_type: String,
+        settings: Vec<NamedValue>,
+    }
+
+    /// A render product. `picture` is the picture that it is written of, without images; not if `is_of_host`: then it
+    /// is written of the host's. `data_corner`: where the picture's pixels begin in one of `display_size`, y down.
+    struct ProductDesc {
+        path: String,
+        kind: String,
+        name: String,
+        vars: Vec<ProductVarDesc>,
+        settings: Vec<NamedValue>,
+        pixel_aspect: f32,
+        display_size: [u32; 2],
+        data_corner: [i32; 2],
+        has_frame: bool,
+        frame: f64,
+        is_of_host: bool,
+        picture: RenderDesc,
+    }
+
     unsafe extern "C++" {
         include!("bridge/heldArray.h");
 
@@ -441,7 +467,7 @@ mod ffi {
         fn clear_scene(self: &Session) -> Result<()>;
         fn set_setting(self: &Session, key: &str, value: &ScalarValue) -> Result<SettingOutcome>;
         fn clear_setting(self: &Session, key: &str) -> Result<SettingOutcome>;
-        fn render(self: &Session, request: RenderDesc) -> Result<()>;
+        fn render(self: &Session, request: RenderDesc, products: Vec<ProductDesc>) -> Result<()>;
         fn is_converged(self: &Session) -> Result<bool>;
         fn pause(self: &Session) -> Result<()>;
         fn resume(self: &Session) -> Result<()>;

@@ -6,7 +6,8 @@
 use crate::convert;
 use crate::edits;
 use crate::ffi::{
-    MessageSeverity, NamedValue, RenderDesc, ScalarValue, SceneEdits, SettingDescriptor, SettingOutcome, UserMessage,
+    MessageSeverity, NamedValue, ProductDesc, RenderDesc, ScalarValue, SceneEdits, SettingDescriptor, SettingOutcome,
+    UserMessage,
 };
 use crate::ffi_images::ImageSource;
 use crate::guard::{BridgeError, guard};
@@ -136,8 +137,8 @@ impl Session {
         })
     }
 
-    /// Has the scene committed and rendered in the background.
-    pub(crate) fn render(&self, request: RenderDesc) -> Result<(), BridgeError> {
+    /// Has the scene committed and rendered in the background, and products written.
+    pub(crate) fn render(&self, request: RenderDesc, products: Vec<ProductDesc>) -> Result<(), BridgeError> {
         guard("render", || {
             let mut purposes = lock(&self.purposes);
             if purposes.as_ref() != Some(&request.purposes) {
@@ -147,7 +148,8 @@ impl Session {
             drop(purposes);
             let request = render_request(&request);
             tracing::trace!(?request, "render");
-            self.inner.render(request);
+            let products = products.into_iter().map(convert::product::render_product).collect();
+            self.inner.render_products(request, products);
             Ok(())
         })
     }
@@ -239,7 +241,7 @@ fn outcome(changed: bool) -> SettingOutcome {
     if changed { SettingOutcome::Changed } else { SettingOutcome::Unchanged }
 }
 
-fn render_request(desc: &RenderDesc) -> RenderRequest {
+pub(crate) fn render_request(desc: &RenderDesc) -> RenderRequest {
     let size = [desc.width, desc.height];
     let [right, bottom] = size.map(|side| i32::try_from(side).unwrap_or(i32::MAX));
     let is_whole = desc.data_window == [0, 0, right, bottom];
@@ -263,18 +265,9 @@ fn render_request(desc: &RenderDesc) -> RenderRequest {
             .iter()
             .filter_map(|aov| {
                 let kind = AovKind::from_token(&aov.name)?;
-                Some(AovRequest { kind, clear: if aov.has_clear { aov.clear } else { default_clear(kind) } })
+                Some(AovRequest { kind, clear: if aov.has_clear { aov.clear } else { kind.default_clear() } })
             })
             .collect(),
-    }
-}
-
-/// Hydra's usual clear values.
-fn default_clear(kind: AovKind) -> [f32; 4] {
-    match kind {
-        AovKind::Depth => [1.0; 4],
-        AovKind::PrimId | AovKind::InstanceId | AovKind::ElementId => [-1.0; 4],
-        _ => [0.0; 4],
     }
 }
 
@@ -294,12 +287,5 @@ mod tests {
         };
         assert_eq!(of("0"), [false; 2], "zero");
         assert_eq!(of("1"), [true; 2], "one");
-    }
-
-    #[test]
-    fn depth_and_ids_have_their_own_clear_values() {
-        assert!(default_clear(AovKind::Depth)[0] > 0.5, "depth is far");
-        assert!(default_clear(AovKind::PrimId)[0] < 0.0, "ids are none");
-        assert!(default_clear(AovKind::Color).iter().all(|component| component.abs() < 1e-9), "color is empty");
     }
 }

@@ -6,6 +6,7 @@ mod exr_header;
 pub(crate) mod measure;
 pub mod picture;
 mod picture_attribute;
+pub(crate) mod products;
 pub(crate) mod reference;
 
 use crate::error::RenderError;

@@ -86,6 +86,18 @@ pub fn write(path: &Path, size: [u32; 2], rgba: &[f32], attributes: &PictureAttr
         let start = ((height - 1 - at.y()) * width + at.x()) * 4;
         (rgba[start], rgba[start + 1], rgba[start + 2], rgba[start + 3])
     };
+    let layer = layer_attributes(attributes);
+    let layer = Layer::new((width, height), layer, Encoding::SMALL_LOSSLESS, SpecificChannels::rgba(pixel));
+    let mut done = Ok(());
+    let written = oocpt_files::replace_by(path, |file| {
+        done = Image::from_layer(layer).write().to_buffered(BufWriter::new(file));
+        done.as_ref().map_err(|error| std::io::Error::other(error.to_string())).copied()
+    });
+    written.map_err(|error| PictureError::File(path.display().to_string(), error.to_string()))
+}
+
+/// A layer's attributes in the terms of the EXR library.
+pub(crate) fn layer_attributes(attributes: &PictureAttributes) -> LayerAttributes {
     let mut layer = LayerAttributes::default();
     for (name, value) in attributes {
         let value = match value {
@@ -94,13 +106,7 @@ pub fn write(path: &Path, size: [u32; 2], rgba: &[f32], attributes: &PictureAttr
         };
         layer.other.insert(Text::from(format!("{PREFIX}{name}").as_str()), value);
     }
-    let layer = Layer::new((width, height), layer, Encoding::SMALL_LOSSLESS, SpecificChannels::rgba(pixel));
-    let mut done = Ok(());
-    let written = oocpt_files::replace_by(path, |file| {
-        done = Image::from_layer(layer).write().to_buffered(BufWriter::new(file));
-        done.as_ref().map_err(|error| std::io::Error::other(error.to_string())).copied()
-    });
-    written.map_err(|error| PictureError::File(path.display().to_string(), error.to_string()))
+    layer
 }
 
 /// Adds attributes to an EXR file that a host has written; all else of it stays as it is.

@@ -68,6 +68,15 @@ impl AovKind {
         Self::ALL.into_iter().find(|kind| kind.token() == token)
     }
 
+    /// Hydra's usual value of a pixel that nothing covers.
+    pub fn default_clear(self) -> [f32; 4] {
+        match self {
+            Self::Depth => [1.0; 4],
+            Self::PrimId | Self::InstanceId | Self::ElementId => [-1.0; 4],
+            _ => [0.0; 4],
+        }
+    }
+
     /// Bytes of one pixel.
     pub fn pixel_bytes(self) -> usize {
         4 * self.channels()
@@ -94,5 +103,12 @@ mod tests {
             assert_eq!(AovKind::from_token(kind.token()), Some(kind), "{kind:?} does not round trip");
         }
         assert_eq!(AovKind::from_token("primvars:st"), None, "an unknown token must not map to a kind");
+    }
+
+    #[test]
+    fn depth_and_ids_have_their_own_clear_values() {
+        assert!(AovKind::Depth.default_clear()[0] > 0.5, "depth is far");
+        assert!(AovKind::PrimId.default_clear()[0] < 0.0, "ids are none");
+        assert!(AovKind::Color.default_clear().iter().all(|component| component.abs() < 1e-9), "color is empty");
     }
 }

@@ -8,12 +8,14 @@
 
 use crate::job::edits::EditQueue;
 use crate::job::light_files::LightFiles;
+use crate::job::product::{ProductFile, ProductPicture};
 use crate::job::request::RenderRequest;
 use crate::job::{RenderJob, SessionOptions};
 use crate::textures::ImageLibrary;
 use oocpt_core::inventory::PrimvarUse;
 use oocpt_core::scene::Snapshot;
 use oocpt_core::settings::Settings;
+use std::collections::VecDeque;
 use std::sync::Arc;
 use std::thread::ThreadId;
 use std::time::{Duration, Instant};
@@ -30,6 +32,10 @@ pub(crate) struct RenderAsk {
     pub(crate) options: SessionOptions,
     pub(crate) images: Option<Arc<dyn ImageLibrary>>,
     pub(crate) files: Arc<dyn LightFiles>,
+    /// What is written of its picture.
+    pub(crate) products: Arc<[ProductFile]>,
+    /// Other pictures, for files alone, that are rendered before it; batch sessions only.
+    pub(crate) before: Arc<[ProductPicture]>,
 }
 
 impl RenderAsk {
@@ -39,11 +45,27 @@ impl RenderAsk {
 
     /// Whether the job is what is asked for, whatever its scene.
     fn is_of(&self, job: &RenderJob) -> bool {
-        self.is_same(&job.request, &job.settings, &job.files)
+        self.is_same(&job.request, &job.settings, &job.files) && self.products == job.products
+    }
+
+    fn is_like(&self, other: &Self) -> bool {
+        let has_same_files = self.products == other.products && self.before == other.before;
+        self.is_same(&other.request, &other.settings, &other.files) && has_same_files
+    }
+
+    /// Its pictures, its own last.
+    fn pictures(&self) -> VecDeque<Self> {
+        let alone = Self { before: Arc::default(), ..self.clone() };
+        let before = self.before.iter().map(|picture| Self {
+            request: picture.request.clone(),
+            products: picture.files.clone().into(),
+            ..alone.clone()
+        });
+        before.chain([alone.clone()]).collect()
     }
 
     fn job(self, scene: CommittedScene, generation: u64, goes_on: bool) -> Arc<RenderJob> {
-        let Self { request, settings, options, images, files } = self;
+        let Self { request, settings, options, images, files, products, before: _ } = self;
         let CommittedScene { snapshot, primvars, meshes_made, fixed_host_bytes } = scene;
         Arc::new(RenderJob {
             snapshot,
@@ -52,6 +74,7 @@ impl RenderAsk {
             options,
             images,
             files,
+            products,
             primvars,
             meshes_made,
             fixed_host_bytes,
@@ -143,6 +166,8 @@ pub(crate) struct CommitQueue {
     has_failed: bool,
     /// The next job ends a stop.
     ends_stop: bool,
+    /// The pictures of the newest request that no commit was begun for.
+    pictures: VecDeque<RenderAsk>,
     /// A job follows the next commit even if nothing has changed.
     restarts: bool,
     /// The newest job waits until then for the commit that is pending.
@@ -179,7 +204,8 @@ impl CommitQueue {
         if self.is_due {
             self.is_due = false;
             self.is_under_way = true;
-            return Some(CommitWork { edits: std::mem::take(&mut self.due), ask: self.newest.clone() });
+            let ask = self.pictures.pop_front().or_else(|| self.newest.clone());
+            return Some(CommitWork { edits: std::mem::take(&mut self.due), ask });
         }
         (!self.edits.is_empty()).then(|| CommitWork { edits: self.take_edits(), ask: None })
     }
@@ -208,8 +234,7 @@ impl RenderControl {
     /// Takes a request. `None` if it is that of before and nothing was edited; else whether it is another one.
     pub(crate) fn ask(&mut self, ask: RenderAsk) -> Option<bool> {
         let commits = &mut self.commits;
-        let is_known = |newest: &RenderAsk| newest.is_same(&ask.request, &ask.settings, &ask.files);
-        let is_known = commits.newest.as_ref().is_some_and(is_known);
+        let is_known = commits.newest.as_ref().is_some_and(|newest| newest.is_like(&ask));
         let is_edited = commits.is_edited || !commits.edits.is_empty();
         if is_known && !is_edited {
             return None;
@@ -228,8 +253,21 @@ impl RenderControl {
             // The scene lives on in the new job: what is dropped here is small.
             drop(self.post(ask.clone(), scene, true));
         }
+        self.commits.pictures = ask.pictures();
         self.commits.newest = Some(ask);
         Some(!is_known)
+    }
+
+    /// After the end of a job: has the next picture of the newest request rendered, if there is one. Not after a stop,
+    /// nor where the user wants an end.
+    pub(crate) fn next_picture(&mut self) {
+        if self.ends_early == self.generation || self.stopped {
+            self.commits.pictures.clear();
+        }
+        if !self.commits.pictures.is_empty() && !self.commits.is_pending() {
+            self.commits.is_due = true;
+            self.commits.ends_stop = true;
+        }
     }
 
     /// Ends the commit for `ask`: posts what follows of it. Without a result, the scene stays what it was. Returns what
@@ -318,6 +356,8 @@ mod tests {
             options: SessionOptions::default(),
             images: None,
             files: Arc::clone(files),
+            products: Arc::default(),
+            before: Arc::default(),
         }
     }
 

@@ -9,6 +9,7 @@ pub(crate) mod faults;
 pub(crate) mod forced_features;
 pub(crate) mod light_files;
 pub(crate) mod patience;
+pub(crate) mod product;
 pub(crate) mod publish;
 pub(crate) mod request;
 pub(crate) mod shared;
@@ -17,6 +18,7 @@ pub(crate) mod window;
 
 use crate::job::forced_features::ForcedFeatures;
 use crate::job::light_files::LightFiles;
+use crate::job::product::ProductFile;
 use crate::job::request::RenderRequest;
 use crate::textures::ImageLibrary;
 use oocpt_core::inventory::PrimvarUse;
@@ -33,6 +35,8 @@ pub(crate) struct RenderJob {
     pub(crate) options: SessionOptions,
     pub(crate) images: Option<Arc<dyn ImageLibrary>>,
     pub(crate) files: Arc<dyn LightFiles>,
+    /// What is written of the finished picture.
+    pub(crate) products: Arc<[ProductFile]>,
     /// The scene's primvars, and whether each is used.
     pub(crate) primvars: Arc<[PrimvarUse]>,
     /// Meshes that the session had built when it was posted.

@@ -27,15 +27,18 @@
 mod commit;
 mod committing;
 pub(crate) mod early;
+mod products;
 mod thread;
 
 use crate::error::RenderError;
 use crate::film::picture;
+use crate::film::products::add_kinds;
 use crate::job::SessionOptions;
 use crate::job::aov::AovKind;
 use crate::job::commits::{CommitProgress, RenderAsk};
 use crate::job::edits::SceneEdit;
 use crate::job::light_files::{LightFiles, NoFiles};
+use crate::job::product::RenderProduct;
 use crate::job::request::{Message, RenderRequest, Severity};
 use crate::job::shared::SharedState;
 use crate::job::timings::RenderTimings;
@@ -47,6 +50,7 @@ use oocpt_core::settings::{SettingError, SettingValue, Settings};
 use oocpt_core::stats::RenderStats;
 use oocpt_core::texture::HeightFiles;
 use oocpt_gpu::DeviceReport;
+use products::PlannedProducts;
 use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -61,6 +65,7 @@ pub struct Session {
     options: Mutex<SessionOptions>,
     images: Option<Arc<dyn ImageLibrary>>,
     files: Mutex<Arc<dyn LightFiles>>,
+    products: Mutex<PlannedProducts>,
     commit_thread: SessionThread,
     render_thread: SessionThread,
 }
@@ -83,6 +88,7 @@ impl Session {
             options: Mutex::new(options),
             images: None,
             files: Mutex::new(Arc::new(NoFiles)),
+            products: Mutex::default(),
             commit_thread: Mutex::default(),
             render_thread: Mutex::default(),
         }
@@ -145,7 +151,14 @@ impl Session {
     /// anything it depends on has changed, and goes on undisturbed otherwise. Returns at once.
     ///
     /// Clipping planes that are not finite are left out, with a warning: a request that has one would not equal itself.
-    pub fn render(&self, mut request: RenderRequest) {
+    pub fn render(&self, request: RenderRequest) {
+        self.render_products(request, Vec::new());
+    }
+
+    /// As [`Session::render`]. A batch session also renders the pictures of `products`, before that of `request`, and
+    /// writes their files; it is converged when that is done. What cannot be written is told. An interactive session
+    /// writes nothing: it would do so at every change.
+    pub fn render_products(&self, mut request: RenderRequest, products: Vec<RenderProduct>) {
         if !self.ensure_threads() {
             return;
         }
@@ -154,7 +167,14 @@ impl Session {
         let is_cut = request.camera.clip_planes.len() < planes;
         let (settings, options, images) = (self.settings(), *lock(&self.options), self.images.clone());
         let files = Arc::clone(&lock(&self.files));
-        let asked = self.shared.control().ask(RenderAsk { request, settings, options, images, files });
+        let products = if settings.interactive { Vec::new() } else { products };
+        let mut planned = lock(&self.products);
+        let plan = planned.plan(products, &self.shared);
+        plan.of_host.iter().for_each(|file| add_kinds(&mut request, file));
+        let (products, before) = (plan.of_host.clone().into(), plan.before.clone().into());
+        drop(planned);
+        let ask = RenderAsk { request, settings, options, images, files, products, before };
+        let asked = self.shared.control().ask(ask);
         let Some(is_new) = asked else { return };
         if is_cut && is_new {
             let text = "clipping planes of the camera that are not finite are left out";
@@ -287,9 +307,7 @@ impl Session {
 
     /// How the picture of the current or last render was made, for its file.
     pub fn picture_attributes(&self) -> picture::PictureAttributes {
-        let settings = self.settings();
-        let device = self.device_report().map(|device| (device.name, device.driver)).unwrap_or_default();
-        picture::attributes(&self.stats(), &device.0, &device.1, &settings)
+        products::attributes(&self.shared, &self.settings())
     }
 
     /// Where the time of the last finished render went.

@@ -9,6 +9,7 @@ use crate::job::RenderJob;
 use crate::job::shared::{FrameGate, SharedState};
 use crate::renderer::Renderer;
 use crate::session::commit::panic_text;
+use crate::session::products;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::time::Instant;
@@ -19,7 +20,7 @@ pub(crate) fn run(shared: &SharedState) {
     while let Some((job, generation)) = next_job(shared) {
         let gate = FrameGate::new(shared, generation);
         match catch_unwind(AssertUnwindSafe(|| renderer.render(&job, &gate))) {
-            Ok(Ok(())) => {}
+            Ok(Ok(())) => write_products(&job, shared),
             Ok(Err(error)) => {
                 shared.fail(&error);
                 renderer = Renderer::default();
@@ -32,9 +33,23 @@ pub(crate) fn run(shared: &SharedState) {
         let mut control = shared.control();
         if control.generation == generation {
             control.finished = generation;
+            control.next_picture();
         }
         drop(control);
         shared.notify();
+    }
+}
+
+/// Writes what is to be written of a picture that was not given up.
+fn write_products(job: &RenderJob, shared: &SharedState) {
+    let control = shared.control();
+    let is_given_up = control.stopped || control.quit || control.generation != job.generation;
+    drop(control);
+    if is_given_up {
+        return;
+    }
+    if let Err(panic) = catch_unwind(AssertUnwindSafe(|| products::write(job, shared))) {
+        shared.fail(&RenderError::Internal(panic_text(panic.as_ref())));
     }
 }
 

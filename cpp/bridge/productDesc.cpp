@@ -1,0 +1,121 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "bridge/productDesc.h"
+
+#include "bridge/renderDesc.h"
+#include "bridge/scalar.h"
+#include "oocpt-bridge/src/lib.rs.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <utility>
+
+PXR_NAMESPACE_OPEN_SCOPE
+
+namespace {
+
+rust::String _Text(const std::string& text)
+{
+    return rust::String::lossy(text);
+}
+
+rust::Vec<oocpt::NamedValue> _DescribeSettings(const HdOocPTSettingMap& settings)
+{
+    rust::Vec<oocpt::NamedValue> values;
+    for (const auto& [key, value] : settings) {
+        oocpt::NamedValue named {};
+        named.key = _Text(key.GetString());
+        if (HdOocPTToScalar(value, &named.value)) {
+            values.push_back(std::move(named));
+        }
+    }
+    return values;
+}
+
+/// The pixels of a window of the picture: x0, y0, x1, y1, y down, ends exclusive. A pixel counts if its centre is
+/// inside. Empty for windows that are not finite.
+std::array<int32_t, 4> _Pixels(const HdOocPTProduct& product)
+{
+    const GfVec2d size(product.resolution);
+    const GfRange2d& window = product.dataWindow;
+    const double edges[4] = { window.GetMin()[0] * size[0], size[1] - window.GetMax()[1] * size[1],
+        window.GetMax()[0] * size[0], size[1] - window.GetMin()[1] * size[1] };
+    std::array<int32_t, 4> pixels {};
+    for (size_t i = 0; i < 4; ++i) {
+        if (!std::isfinite(edges[i])) {
+            return {};
+        }
+        constexpr double bound = 1 << 24;
+        pixels[i] = static_cast<int32_t>(std::clamp(std::ceil(edges[i] - 0.5), -bound, bound));
+    }
+    return pixels;
+}
+
+bool _IsOfHost(const HdOocPTProduct& product, const HdOocPTProductView& view, const HdOocPTRenderRequest& request)
+{
+    const GfRect2i whole(GfVec2i(0, 0), request.width, request.height);
+    const bool isWhole = product.dataWindow == GfRange2d(GfVec2d(0.0), GfVec2d(1.0))
+        && (request.dataWindow.IsEmpty() || request.dataWindow == whole);
+    return isWhole && product.camera == request.cameraPath && product.resolution[0] == request.width
+        && product.resolution[1] == request.height && GfIsClose(view.projection, request.projection, 1e-5)
+        && !product.isLensDisabled;
+}
+
+oocpt::RenderDesc _DescribePicture(const HdOocPTSceneReader& reader, const HdOocPTProduct& product,
+    const HdOocPTProductView& view, const std::array<int32_t, 4>& pixels, bool hasLens, HdOocPTWarnings* warnings)
+{
+    HdOocPTRenderRequest request;
+    request.width = std::max(pixels[2] - pixels[0], 0);
+    request.height = std::max(pixels[3] - pixels[1], 0);
+    request.cameraPath = product.camera;
+    request.projection = view.projection;
+    const HdOocPTLens lens
+        = hasLens && !product.isLensDisabled ? reader.GetLens(product.camera) : HdOocPTLens {};
+    oocpt::RenderDesc desc = HdOocPTDescribeRender(request, lens);
+    std::copy_n(view.viewToWorld.GetArray(), 16, desc.world_from_view.begin());
+    // The projection is that of the whole picture, of which these pixels are a part.
+    const GfVec2i& size = product.resolution;
+    desc.display_window = { static_cast<float>(-pixels[0]), static_cast<float>(-pixels[1]),
+        static_cast<float>(size[0] - pixels[0]), static_cast<float>(size[1] - pixels[1]) };
+    HdOocPTDescribeCamera(reader, product.camera, view.viewToWorld, &desc, warnings);
+    return desc;
+}
+
+} // namespace
+
+rust::Vec<oocpt::ProductDesc> HdOocPTDescribeProducts(
+    const HdOocPTSceneReader& reader, const HdOocPTRenderRequest& request, bool hasLens, HdOocPTWarnings* warnings)
+{
+    rust::Vec<oocpt::ProductDesc> descs;
+    const std::optional<double> frame = reader.GetCurrentFrame();
+    for (const HdOocPTProduct& product : reader.GetProducts()) {
+        const std::optional<HdOocPTProductView> view = reader.GetProductView(product);
+        if (!view) {
+            warnings->Add(product.path,
+                "the product is not written: its camera <" + product.camera.GetString()
+                    + "> or its resolution is not there");
+            continue;
+        }
+        const std::array<int32_t, 4> pixels = _Pixels(product);
+        oocpt::ProductDesc desc {};
+        desc.path = _Text(product.path.GetString());
+        desc.kind = _Text(product.type.GetString());
+        desc.name = _Text(product.name);
+        for (const HdOocPTProductVar& var : product.vars) {
+            desc.vars.push_back({ _Text(var.path.GetString()), _Text(var.dataType.GetString()),
+                _Text(var.sourceName), _Text(var.sourceType.GetString()), _DescribeSettings(var.settings) });
+        }
+        desc.settings = _DescribeSettings(product.settings);
+        desc.pixel_aspect = static_cast<float>(view->pixelAspectRatio);
+        desc.display_size = { static_cast<uint32_t>(product.resolution[0]), static_cast<uint32_t>(product.resolution[1]) };
+        desc.data_corner = { pixels[0], pixels[1] };
+        desc.has_frame = frame.has_value();
+        desc.frame = frame.value_or(0.0);
+        desc.is_of_host = _IsOfHost(product, *view, request);
+        desc.picture = _DescribePicture(reader, product, *view, pixels, hasLens, warnings);
+        descs.push_back(std::move(desc));
+    }
+    return descs;
+}
+
+PXR_NAMESPACE_CLOSE_SCOPE

@@ -1,0 +1,131 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Writes a product's file from the images of a finished picture.
+
+use super::plan::is_input;
+use crate::film::picture::{PictureAttributes, layer_attributes};
+use crate::job::aov::AovKind;
+use crate::job::product::{FileChannel, FileCompression, ProductFile, SampleFormat};
+use crate::job::publish::PublishedImages;
+use exr::compression::Compression;
+use exr::meta::attribute::{IntegerBounds, Text};
+use exr::prelude::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, Vec2, WritableImage as _, f16};
+use rayon::prelude::*;
+use std::io::{BufWriter, Read as _};
+use std::path::Path;
+
+/// The first bytes of an EXR file.
+const MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
+
+/// The reasons why a product is not written; each continues "the product is not written: ".
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum ProductError {
+    /// The render has no such image.
+    #[error("there is no image {}", .0.token())]
+    Image(AovKind),
+    /// The file is there and is no picture.
+    #[error("{0} is there and is no EXR file; it is not overwritten")]
+    Foreign(String),
+    /// The scene reads the file.
+    #[error("the scene reads {0}; it is not overwritten")]
+    Input(String),
+    /// The file cannot be written.
+    #[error("{0}: {1}")]
+    File(String, String),
+}
+
+/// Writes `file` of an image of `size` pixels. The file is whole, or what was there stays. `inputs` are names of files
+/// that the scene reads.
+pub(crate) fn write(
+    file: &ProductFile,
+    [width, height]: [u32; 2],
+    images: &PublishedImages,
+    attributes: &PictureAttributes,
+    inputs: &[&str],
+) -> Result<(), ProductError> {
+    let name = || file.path.display().to_string();
+    if is_input(&file.path, inputs) {
+        return Err(ProductError::Input(name()));
+    }
+    if !may_be_replaced(&file.path) {
+        return Err(ProductError::Foreign(name()));
+    }
+    let size = Vec2(width as usize, height as usize);
+    let channels = file.channels.iter().map(|channel| {
+        let image = images
+            .image(channel.kind)
+            .filter(|image| image.len() == size.area().saturating_mul(channel.kind.pixel_bytes()));
+        let image = image.ok_or(ProductError::Image(channel.kind))?;
+        Ok(AnyChannel::new(Text::from(channel.name.as_str()), samples(image, size, channel)))
+    });
+    let channels = AnyChannels::sort(channels.collect::<Result<_, ProductError>>()?);
+    let mut layer = layer_attributes(attributes);
+    layer.layer_position = Vec2(file.data_corner[0], file.data_corner[1]);
+    let encoding = Encoding { compression: compression(file.compression), ..Encoding::FAST_LOSSLESS };
+    let mut image = Image::from_layer(Layer::new(size, layer, encoding, channels));
+    let [columns, rows] = file.display_size.map(|side| side as usize);
+    image.attributes.display_window = IntegerBounds::new(Vec2(0, 0), Vec2(columns, rows));
+    image.attributes.pixel_aspect = file.pixel_aspect;
+    let file_error = |error: std::io::Error| ProductError::File(name(), error.to_string());
+    if let Some(folder) = file.path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
+        std::fs::create_dir_all(folder).map_err(file_error)?;
+    }
+    let written = oocpt_files::replace_by(&file.path, |out| {
+        let done = image.write().to_buffered(BufWriter::new(out));
+        done.map_err(|error| std::io::Error::other(error.to_string()))
+    });
+    written.map_err(file_error)
+}
+
+/// Whether there is no file, or a picture.
+fn may_be_replaced(path: &Path) -> bool {
+    match std::fs::metadata(path) {
+        Err(_) => true,
+        // An empty file is what other programs reserve a name with.
+        Ok(facts) if facts.is_file() && facts.len() == 0 => true,
+        Ok(_) => {
+            let mut start = [0; 4];
+            let read = oocpt_files::open(path).and_then(|mut file| file.read_exact(&mut start));
+            read.is_ok() && start == MAGIC
+        }
+    }
+}
+
+/// The numbers of a channel, top row first, of an image with its bottom row first.
+fn samples(image: &[u8], size: Vec2<usize>, channel: &FileChannel) -> FlatSamples {
+    let (bytes, offset) = (channel.kind.pixel_bytes(), 4 * channel.component);
+    let is_id = matches!(channel.kind, AovKind::PrimId | AovKind::InstanceId | AovKind::ElementId);
+    let word = move |pixel: &[u8]| -> [u8; 4] {
+        pixel.get(offset..offset + 4).and_then(|word| word.try_into().ok()).unwrap_or_default()
+    };
+    #[expect(clippy::cast_precision_loss, reason = "whoever asks for ids as floats gets what floats hold")]
+    let float = move |pixel: &[u8]| {
+        if is_id { i32::from_ne_bytes(word(pixel)) as f32 } else { f32::from_ne_bytes(word(pixel)) }
+    };
+    #[expect(clippy::cast_possible_truncation, reason = "the cast saturates")]
+    let whole = move |pixel: &[u8]| {
+        let number = if is_id { i32::from_ne_bytes(word(pixel)) } else { float(pixel) as i32 };
+        number.cast_unsigned()
+    };
+    let rows =
+        || image.par_chunks_exact((size.x() * bytes).max(1)).rev().flat_map(move |row| row.par_chunks_exact(bytes));
+    match channel.format {
+        SampleFormat::Half => FlatSamples::F16(rows().map(|pixel| f16::from_f32(float(pixel))).collect()),
+        SampleFormat::Float => FlatSamples::F32(rows().map(float).collect()),
+        SampleFormat::Uint => FlatSamples::U32(rows().map(whole).collect()),
+    }
+}
+
+fn compression(compression: FileCompression) -> Compression {
+    match compression {
+        FileCompression::None => Compression::Uncompressed,
+        FileCompression::Rle => Compression::RLE,
+        FileCompression::Zips => Compression::ZIP1,
+        FileCompression::Zip => Compression::ZIP16,
+        FileCompression::Piz => Compression::PIZ,
+        FileCompression::Pxr24 => Compression::PXR24,
+        FileCompression::B44 => Compression::B44,
+        FileCompression::B44a => Compression::B44A,
+        FileCompression::Dwaa => Compression::DWAA(None),
+        FileCompression::Dwab => Compression::DWAB(None),
+    }
+}

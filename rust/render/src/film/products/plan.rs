@@ -1,0 +1,288 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Decides which files are written of which pictures, and says what of the products is left out and why. Pure.
+
+use super::{channels, frame_name};
+use crate::job::aov::AovRequest;
+use crate::job::product::{FileCompression, ProductFile, ProductPicture, ProductVar, RenderProduct};
+use crate::job::request::RenderRequest;
+use std::path::{Path, PathBuf};
+
+/// Most products of a render.
+const MAX_PRODUCTS: usize = 256;
+/// Most channels of a file.
+const MAX_CHANNELS: usize = 1024;
+/// Most bytes of a file's name.
+const MAX_NAME_BYTES: usize = 4096;
+
+/// The files of a render.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct ProductPlan {
+    /// Those of the host's picture.
+    pub(crate) of_host: Vec<ProductFile>,
+    /// Pictures that are rendered before it.
+    pub(crate) before: Vec<ProductPicture>,
+    /// What is left out: a line each, which begins with the prim.
+    pub(crate) warnings: Vec<String>,
+}
+
+/// Plans the files of a scene's products.
+pub(crate) fn plan(products: &[RenderProduct]) -> ProductPlan {
+    let mut plan = ProductPlan::default();
+    let mut paths: Vec<PathBuf> = Vec::new();
+    for product in products.iter().take(MAX_PRODUCTS) {
+        match file_of(product, &paths, &mut plan.warnings) {
+            Ok(file) => {
+                paths.push(file.path.clone());
+                plan.add(file, product.picture.as_ref());
+            }
+            Err(text) => plan.warnings.push(format!("{}: the product is not written: {text}", product.prim)),
+        }
+    }
+    if let Some(first) = products.get(MAX_PRODUCTS) {
+        plan.warnings.push(format!("{}: only {MAX_PRODUCTS} products are written", first.prim));
+    }
+    plan
+}
+
+impl ProductPlan {
+    fn add(&mut self, file: ProductFile, picture: Option<&RenderRequest>) {
+        let Some(picture) = picture else {
+            self.of_host.push(file);
+            return;
+        };
+        let is_same =
+            |have: &&mut ProductPicture| RenderRequest { aovs: Vec::new(), ..have.request.clone() } == *picture;
+        if let Some(have) = self.before.iter_mut().find(is_same) {
+            add_kinds(&mut have.request, &file);
+            have.files.push(file);
+        } else {
+            let mut request = picture.clone();
+            add_kinds(&mut request, &file);
+            self.before.push(ProductPicture { request, files: vec![file] });
+        }
+    }
+}
+
+/// Adds the images that a file needs.
+pub(crate) fn add_kinds(request: &mut RenderRequest, file: &ProductFile) {
+    for kind in file.kinds() {
+        if request.aovs.iter().all(|aov| aov.kind != kind) {
+            request.aovs.push(AovRequest { kind, clear: kind.default_clear() });
+        }
+    }
+}
+
+fn file_of(product: &RenderProduct, taken: &[PathBuf], warnings: &mut Vec<String>) -> Result<ProductFile, String> {
+    if !matches!(&*product.kind, "" | "raster") {
+        return Err(format!("its productType {} is not supported", product.kind));
+    }
+    let path = path_of(product)?;
+    if taken.contains(&path) {
+        return Err(format!("another product is {}", path.display()));
+    }
+    if let Some(picture) = &product.picture {
+        picture.validate().map_err(|error| error.to_string())?;
+    }
+    if !(product.pixel_aspect.is_finite() && product.pixel_aspect > 0.0) {
+        return Err("its pixelAspectRatio is not a positive number".to_owned());
+    }
+    let channels = channels_of(product, warnings)?;
+    Ok(ProductFile {
+        prim: product.prim.clone(),
+        path,
+        channels,
+        compression: compression_of(product, warnings),
+        pixel_aspect: product.pixel_aspect,
+        display_size: product.display_size,
+        data_corner: product.data_corner,
+        frame: product.frame,
+    })
+}
+
+fn path_of(product: &RenderProduct) -> Result<PathBuf, String> {
+    let name = product.name.trim();
+    if name.is_empty() {
+        return Err("it has no productName".to_owned());
+    }
+    if name.len() > MAX_NAME_BYTES || name.contains('\0') {
+        return Err("its productName is no name of a file".to_owned());
+    }
+    let resolved = frame_name::resolve(name, product.frame)
+        .ok_or_else(|| format!("the host does not tell the frame that {name} is to be named by"))?;
+    let path = PathBuf::from(resolved);
+    let is_exr = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("exr"));
+    if is_exr { Ok(path) } else { Err(format!("{} is no EXR file by its name", path.display())) }
+}
+
+fn channels_of(
+    product: &RenderProduct,
+    warnings: &mut Vec<String>,
+) -> Result<Vec<crate::job::product::FileChannel>, String> {
+    let default = [ProductVar {
+        prim: product.prim.clone(),
+        data_type: "color4f".to_owned(),
+        source_name: "color".to_owned(),
+        ..ProductVar::default()
+    }];
+    let vars = if product.vars.is_empty() { &default[..] } else { &product.vars };
+    let mut all = Vec::new();
+    for var in vars {
+        match channels::of_var(var, &all) {
+            Ok(channels) if all.len() + channels.len() <= MAX_CHANNELS => all.extend(channels),
+            Ok(_) => warnings.push(format!("{}: left out: {MAX_CHANNELS} channels are the most of a file", var.prim)),
+            Err(text) => warnings.push(format!("{}: left out of {}: {text}", var.prim, product.name.trim())),
+        }
+    }
+    if all.is_empty() { Err("nothing of what it asks for is there".to_owned()) } else { Ok(all) }
+}
+
+/// Settings that name the compression, by those who write scenes: OocPT's, Karma's, Arnold's.
+const COMPRESSION: [&str; 3] = ["oocpt:compression", "driver:parameters:OpenEXR:compression", "arnold:compression"];
+
+fn compression_of(product: &RenderProduct, warnings: &mut Vec<String>) -> FileCompression {
+    let Some(name) = channels::setting(&product.settings, &COMPRESSION) else { return FileCompression::Zip };
+    // OpenImageIO's names may have a level behind a colon.
+    match name.split(':').next().unwrap_or(name).to_lowercase().as_str() {
+        "none" | "" => FileCompression::None,
+        "rle" => FileCompression::Rle,
+        "zips" => FileCompression::Zips,
+        "zip" => FileCompression::Zip,
+        "piz" => FileCompression::Piz,
+        "pxr24" => FileCompression::Pxr24,
+        "b44" => FileCompression::B44,
+        "b44a" => FileCompression::B44a,
+        "dwaa" => FileCompression::Dwaa,
+        "dwab" => FileCompression::Dwab,
+        _ => {
+            warnings.push(format!("{}: there is no compression {name}; zip is used", product.prim));
+            FileCompression::Zip
+        }
+    }
+}
+
+/// Whether a file is one of `inputs`, which are names of files that the scene reads; `<UDIM>` stands for four digits.
+pub(super) fn is_input(path: &Path, inputs: &[&str]) -> bool {
+    let real = |path: &Path| std::fs::canonicalize(path).unwrap_or_else(|_not_there| path.to_path_buf());
+    let path = real(path);
+    let (folder, name) = (path.parent(), path.file_name().map(|name| name.to_string_lossy().into_owned()));
+    inputs.iter().any(|input| match input.split_once("<UDIM>") {
+        None => real(Path::new(input)) == path,
+        Some((head, tail)) => {
+            let start = Path::new(head);
+            let prefix =
+                start.file_name().filter(|_| !head.ends_with('/')).map(|name| name.to_string_lossy().into_owned());
+            let start = if head.ends_with('/') { Some(start) } else { start.parent() };
+            let number = name.as_deref().and_then(|name| name.strip_prefix(&*prefix.unwrap_or_default()));
+            let number = number.and_then(|rest| rest.strip_suffix(tail));
+            start.map(real).as_deref() == folder
+                && number.is_some_and(|text| text.len() == 4 && text.bytes().all(|byte| byte.is_ascii_digit()))
+        }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::job::aov::AovKind;
+    use glam::DMat4;
+    use oocpt_core::camera::Camera;
+
+    fn product(prim: &str, name: &str) -> RenderProduct {
+        RenderProduct { prim: prim.into(), name: name.into(), pixel_aspect: 1.0, ..RenderProduct::default() }
+    }
+
+    fn picture(width: u32) -> RenderRequest {
+        let camera = Camera {
+            world_from_view: DMat4::IDENTITY,
+            projection: DMat4::IDENTITY,
+            display_window: [0.0, 0.0, 1.0, 1.0],
+            data_window: [0, 0, 1, 1],
+            lens_radius: 0.0,
+            focus_distance: 0.0,
+            clip_planes: Vec::new(),
+            motion: Vec::new(),
+            exposure_scale: 1.0,
+        };
+        RenderRequest { width, height: 1, camera, aovs: Vec::new(), window: None }
+    }
+
+    fn var(source: &str) -> ProductVar {
+        ProductVar {
+            prim: format!("/v/{source}"),
+            data_type: "color3f".into(),
+            source_name: source.into(),
+            ..ProductVar::default()
+        }
+    }
+
+    #[test]
+    fn products_of_one_picture_share_it() {
+        let of = |name: &str, width: u32, source: &str| RenderProduct {
+            picture: Some(picture(width)),
+            vars: vec![var(source)],
+            ..product("/p", name)
+        };
+        let products =
+            [of("a.exr", 8, "Ci"), of("b.exr", 9, "Ci"), of("c.exr", 8, "albedo"), product("/host", "d.exr")];
+        let plan = plan(&products);
+        assert_eq!(plan.warnings, Vec::<String>::new());
+        assert_eq!(plan.before.iter().map(|before| before.files.len()).collect::<Vec<_>>(), [2, 1]);
+        assert_eq!(plan.before[0].request.kinds(), [AovKind::Color, AovKind::Albedo], "the images of both");
+        assert_eq!(plan.of_host.len(), 1);
+    }
+
+    #[test]
+    fn hostile_products_are_warnings() {
+        let deep = RenderProduct { kind: "deepRaster".into(), ..product("/deep", "a.exr") };
+        let huge = RenderProduct { picture: Some(picture(u32::MAX)), ..product("/huge", "h.exr") };
+        let flat = RenderProduct { pixel_aspect: f32::NAN, ..product("/flat", "f.exr") };
+        let empty = RenderProduct { vars: vec![var("nothing")], ..product("/empty", "e.exr") };
+        let products = [
+            deep,
+            huge,
+            flat,
+            empty,
+            product("/nameless", "  "),
+            product("/script", "/etc/profile"),
+            product("/zero", "a\0.exr"),
+            product("/long", &format!("{}.exr", "x".repeat(5000))),
+            product("/frame", "a.####.exr"),
+            product("/good", "a.exr"),
+            product("/twice", "a.exr"),
+        ];
+        let plan = plan(&products);
+        assert_eq!(plan.of_host.len(), 1, "{:?}", plan.warnings);
+        assert!(plan.before.is_empty());
+        for product in products.iter().filter(|product| product.prim != "/good") {
+            let says = |line: &String| line.starts_with(&format!("{}: ", product.prim));
+            assert!(plan.warnings.iter().any(says), "{}: {:?}", product.prim, plan.warnings);
+        }
+        let many: Vec<RenderProduct> = (0..300).map(|at| product("/p", &format!("{at}.exr"))).collect();
+        assert_eq!((super::plan(&many).of_host.len(), super::plan(&many).warnings.len()), (MAX_PRODUCTS, 1));
+    }
+
+    #[test]
+    fn files_that_the_scene_reads_are_known() {
+        let folder = std::env::temp_dir().join(format!("oocpt-inputs-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        let at = |name: &str| folder.join(name);
+        std::fs::write(at("sky.exr"), "x").unwrap();
+        std::fs::write(at("wood.1002.exr"), "x").unwrap();
+        let [sky, wood] = ["sky.exr", "wood.<UDIM>.exr"].map(|name| at(name).display().to_string());
+        let inputs = [sky.as_str(), wood.as_str()];
+        assert!(is_input(&folder.join(".").join("sky.exr"), &inputs), "by another name");
+        assert!(is_input(&at("wood.1002.exr"), &inputs));
+        assert!(!is_input(&at("wood.exr"), &inputs) && !is_input(&at("out.exr"), &inputs));
+        std::fs::remove_dir_all(folder).unwrap();
+    }
+
+    #[test]
+    fn compressions_go_by_the_names_of_other_renderers() {
+        let mut with = product("/p", "a.exr");
+        with.settings = vec![("driver:parameters:OpenEXR:compression".into(), "DWAA:45".into())];
+        assert_eq!(plan(&[with.clone()]).of_host[0].compression, FileCompression::Dwaa);
+        with.settings[0].1 = "best".into();
+        let plan = plan(&[with]);
+        assert_eq!((plan.of_host[0].compression, plan.warnings.len()), (FileCompression::Zip, 1));
+    }
+}

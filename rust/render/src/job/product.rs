@@ -1,0 +1,112 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Render products: files that a batch render writes of its pictures. Plain data.
+
+use crate::job::aov::AovKind;
+use crate::job::request::RenderRequest;
+use std::path::PathBuf;
+
+/// A render product as the scene has it (`UsdRenderProduct`); nothing of it is checked.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct RenderProduct {
+    /// Path of the prim, for messages.
+    pub prim: String,
+    /// `productType`.
+    pub kind: String,
+    /// `productName`: a file, which may have a placeholder for the number of the frame.
+    pub name: String,
+    /// `orderedVars`.
+    pub vars: Vec<ProductVar>,
+    /// Its namespaced settings as text.
+    pub settings: Vec<(String, String)>,
+    /// Width of a pixel over its height.
+    pub pixel_aspect: f32,
+    /// Columns and rows of the picture that is displayed (`resolution`).
+    pub display_size: [u32; 2],
+    /// The corner of the pixels in that picture, from its upper left corner, y down. Negative: overscan.
+    pub data_corner: [i32; 2],
+    /// The frame, if the host tells it.
+    pub frame: Option<f64>,
+    /// The picture it is written of, without images. `None`: the one that the host asks for.
+    pub picture: Option<RenderRequest>,
+}
+
+/// A `UsdRenderVar` of a product.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ProductVar {
+    /// Path of the prim; its last name is the layer's.
+    pub prim: String,
+    /// `dataType`.
+    pub data_type: String,
+    /// `sourceName`.
+    pub source_name: String,
+    /// `sourceType`.
+    pub source_type: String,
+    /// Its namespaced settings as text.
+    pub settings: Vec<(String, String)>,
+}
+
+/// How the numbers of a channel are stored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum SampleFormat {
+    /// IEEE 754 binary16.
+    Half,
+    /// IEEE 754 binary32.
+    Float,
+    /// 32 bits without a sign; -1 is the largest one.
+    Uint,
+}
+
+/// A channel of a file: one component of an image.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct FileChannel {
+    pub(crate) name: String,
+    pub(crate) kind: AovKind,
+    pub(crate) component: usize,
+    pub(crate) format: SampleFormat,
+}
+
+/// The compression of an EXR file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum FileCompression {
+    None,
+    Rle,
+    Zips,
+    Zip,
+    Piz,
+    Pxr24,
+    B44,
+    B44a,
+    Dwaa,
+    Dwab,
+}
+
+/// A file that is to be written of a picture.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct ProductFile {
+    /// The prim, for messages.
+    pub(crate) prim: String,
+    pub(crate) path: PathBuf,
+    pub(crate) channels: Vec<FileChannel>,
+    pub(crate) compression: FileCompression,
+    pub(crate) pixel_aspect: f32,
+    pub(crate) display_size: [u32; 2],
+    pub(crate) data_corner: [i32; 2],
+    pub(crate) frame: Option<f64>,
+}
+
+impl ProductFile {
+    /// The kinds of its images, each once.
+    pub(crate) fn kinds(&self) -> Vec<AovKind> {
+        let mut kinds: Vec<AovKind> = self.channels.iter().map(|channel| channel.kind).collect();
+        kinds.sort_unstable();
+        kinds.dedup();
+        kinds
+    }
+}
+
+/// A picture that is rendered before the host's, and the files that are written of it.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct ProductPicture {
+    pub(crate) request: RenderRequest,
+    pub(crate) files: Vec<ProductFile>,
+}
