@@ -48,6 +48,14 @@ void _Print(const char* kind, const std::string& text)
     std::fflush(stderr);
 }
 
+/// Returns true for what FrameRecorder says of products: it looks for files by names with placeholders, and expects
+/// products of all render settings. The renderer says what it has written, and what not.
+bool _IsAboutProducts(const std::string& text)
+{
+    return TfStringStartsWith(text, "Missing generated Product ") || TfStringStartsWith(text, "Product '")
+        || TfStringStartsWith(text, "No Render Prouducts found");
+}
+
 class _PlainMessages final : public TfDiagnosticMgr::Delegate
 {
 public:
@@ -61,9 +69,19 @@ public:
         std::abort();
     }
 
-    void IssueStatus(const TfStatus& status) override { _Print("status", status.GetCommentary()); }
+    void IssueStatus(const TfStatus& status) override
+    {
+        if (!_IsAboutProducts(status.GetCommentary())) {
+            _Print("status", status.GetCommentary());
+        }
+    }
 
-    void IssueWarning(const TfWarning& warning) override { _Print("warning", warning.GetCommentary()); }
+    void IssueWarning(const TfWarning& warning) override
+    {
+        if (!_IsAboutProducts(warning.GetCommentary())) {
+            _Print("warning", warning.GetCommentary());
+        }
+    }
 };
 
 } // namespace

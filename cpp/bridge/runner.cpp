@@ -100,6 +100,18 @@ extern "C" __attribute__((visibility("default"))) int HdOocPTRunnerSet(
     }
 }
 
+/// Returns 1 if there is an AOV of that name, else 0 and writes what is wrong to `message`, as HdOocPTRunnerSet().
+extern "C" __attribute__((visibility("default"))) int HdOocPTRunnerAov(const char* name, char* message, size_t size)
+{
+    return _Try([&] {
+        const std::string wrong(oocpt::unknown_aov(rust::Str(name)));
+        if (size > 0) {
+            std::snprintf(message, size, "%s", wrong.c_str());
+        }
+        return wrong.empty();
+    });
+}
+
 /// Sets the time codes per second of the stage of this process, for scenes whose front end does not tell them.
 extern "C" __attribute__((visibility("default"))) void HdOocPTRunnerTimeCodesPerSecond(double rate)
 {

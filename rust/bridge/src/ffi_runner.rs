@@ -38,6 +38,11 @@ fn set_on_command_line(name: &str, text: &str) -> Result<(), BridgeError> {
     guard("set_on_command_line", || Ok(settings::set_on_command_line(name, text)?))
 }
 
+/// What is wrong with the name of an AOV on a command line; empty if there is one of that name.
+fn unknown_aov(name: &str) -> String {
+    oocpt_render::unknown_aov(name).unwrap_or_default()
+}
+
 /// Most clipping planes of a camera that are used.
 fn max_clip_planes() -> usize {
     oocpt_core::MAX_CLIP_PLANES
@@ -76,6 +81,7 @@ mod ffi {
         fn summed_warnings(warnings: Vec<PrimWarning>) -> Result<Vec<String>>;
         fn scene_may_set(key: &str) -> bool;
         fn unknown_setting(key: &str) -> String;
+        fn unknown_aov(name: &str) -> String;
         fn max_clip_planes() -> usize;
         fn set_on_command_line(name: &str, text: &str) -> Result<()>;
 

@@ -361,6 +361,11 @@ mod tests {
         }
     }
 
+    fn scene() -> CommittedScene {
+        let snapshot = SceneDb::new().commit().snapshot;
+        CommittedScene { snapshot, primvars: Vec::new().into(), meshes_made: 0, fixed_host_bytes: 0 }
+    }
+
     /// Asks for a picture of this width and ends its commit; the scene is that of before.
     fn commit(control: &mut RenderControl, scene: &CommittedScene, ask: RenderAsk) {
         assert_eq!(control.ask(ask), Some(true), "a request that is new");
@@ -371,8 +376,7 @@ mod tests {
     #[test]
     fn a_request_that_comes_with_edits_waits_for_their_commit_a_little_and_others_do_not() {
         let files: Arc<dyn LightFiles> = Arc::new(NoFiles);
-        let snapshot = SceneDb::new().commit().snapshot;
-        let scene = CommittedScene { snapshot, primvars: Vec::new().into(), meshes_made: 0, fixed_host_bytes: 0 };
+        let scene = scene();
         let mut control = RenderControl::default();
         commit(&mut control, &scene, ask(1, &files));
         assert_eq!(control.generation, 1, "one job");
@@ -408,5 +412,36 @@ mod tests {
         let work = control.commits.begin().expect("work");
         assert!(work.ask.is_some() && work.edits.is_empty(), "without the edits after it");
         assert_eq!(control.ask(ask(1, &files)), Some(false), "the same request with edits is work");
+    }
+
+    #[test]
+    fn pictures_of_products_come_before_the_hosts_one_after_the_other() {
+        let files: Arc<dyn LightFiles> = Arc::new(NoFiles);
+        let scene = scene();
+        let picture = |width: u32| ProductPicture { request: ask(width, &files).request, files: Vec::new() };
+        let batch = |before: &[u32]| {
+            let before: Vec<ProductPicture> = before.iter().copied().map(picture).collect();
+            let settings = Settings { interactive: false, ..Settings::default() };
+            RenderAsk { settings, before: before.into(), ..ask(9, &files) }
+        };
+        let mut control = RenderControl::default();
+        let next = |control: &mut RenderControl| {
+            let work = control.commits.begin().expect("a commit is due");
+            drop(control.committed(work.ask.expect("of a request"), Some(scene.clone())));
+            control.finished = control.generation;
+            control.next_picture();
+            control.job.as_ref().expect("posted").request.width
+        };
+        assert_eq!(control.ask(batch(&[5, 6])), Some(true));
+        assert_eq!([next(&mut control), next(&mut control)], [5, 6]);
+        assert!(control.is_rendering(), "the host's is to come");
+        assert_eq!(control.ask(batch(&[5, 6])), None, "the host asks on and on");
+        assert_eq!(next(&mut control), 9);
+        assert!(!control.is_rendering() && !control.commits.has_work(), "that was the last");
+
+        assert_eq!(control.ask(batch(&[7, 8])), Some(true));
+        control.ends_early = control.generation + 1;
+        assert_eq!(next(&mut control), 7);
+        assert!(!control.is_rendering(), "the user wants an end");
     }
 }

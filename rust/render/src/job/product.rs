@@ -92,6 +92,8 @@ pub(crate) struct ProductFile {
     pub(crate) display_size: [u32; 2],
     pub(crate) data_corner: [i32; 2],
     pub(crate) frame: Option<f64>,
+    /// A command line moves it to its place: its name is nobody's.
+    pub(crate) is_temporary: bool,
 }
 
 impl ProductFile {

@@ -51,9 +51,10 @@ pub(super) fn write(job: &RenderJob, shared: &SharedState) {
         let frame = file.frame.map(|frame| ("frame".to_owned(), PictureAttribute::Number(frame)));
         let attributes: PictureAttributes = made.iter().cloned().chain(frame).collect();
         match products::write(file, size, &published, &attributes, &inputs) {
+            Ok(()) if file.is_temporary => {}
             Ok(()) => {
                 let [width, height] = size;
-                let text = format!("{} x {height}, {} channels", width, file.channels.len());
+                let text = format!("{width} x {height}, {} channels", file.channels.len());
                 shared.report(Severity::Status, format!("wrote {} ({text})", file.path.display()));
             }
             Err(error) => {

@@ -67,6 +67,11 @@ fn nearest(name: &str) -> &'static str {
     names.min_by_key(|known| strsim::damerau_levenshtein(known, &short)).unwrap_or("color")
 }
 
+/// What is wrong with the name of an AOV: says the nearest one.
+pub fn unknown_aov(name: &str) -> Option<String> {
+    source(&ProductVar { source_name: name.to_owned(), ..ProductVar::default() }).err()
+}
+
 /// A setting of a var or a product under one of its names.
 pub(super) fn setting<'a>(settings: &'a [(String, String)], names: &[&str]) -> Option<&'a str> {
     names.iter().find_map(|name| settings.iter().find(|(key, _)| key == name)).map(|(_, value)| value.trim())
@@ -88,8 +93,12 @@ fn data_type(name: &str) -> (usize, SampleFormat) {
 /// The channels of a var in a file that has `before`; or why there are none.
 pub(super) fn of_var(var: &ProductVar, before: &[FileChannel]) -> Result<Vec<FileChannel>, String> {
     let row = source(var)?;
-    let (components, format) = data_type(&var.data_type);
     let is_id = matches!(row.kind, AovKind::PrimId | AovKind::InstanceId | AovKind::ElementId);
+    let (components, format) = match (var.data_type.trim(), is_id) {
+        ("", false) => (4, SampleFormat::Float),
+        ("", true) => (1, SampleFormat::Uint),
+        (name, _) => data_type(name),
+    };
     let format = match setting(&var.settings, &["driver:parameters:aov:format"]).map(|name| data_type(name).1) {
         Some(other) => other,
         // Half floats have 11 bits: ids would not be exact.

@@ -9,5 +9,6 @@ mod file;
 mod frame_name;
 mod plan;
 
+pub use channels::unknown_aov;
 pub(crate) use file::write;
 pub(crate) use plan::{ProductPlan, add_kinds, plan};

@@ -3,7 +3,7 @@
 
 use super::{channels, frame_name};
 use crate::job::aov::AovRequest;
-use crate::job::product::{FileCompression, ProductFile, ProductPicture, ProductVar, RenderProduct};
+use crate::job::product::{FileChannel, FileCompression, ProductFile, ProductPicture, ProductVar, RenderProduct};
 use crate::job::request::RenderRequest;
 use std::path::{Path, PathBuf};
 
@@ -96,6 +96,7 @@ fn file_of(product: &RenderProduct, taken: &[PathBuf], warnings: &mut Vec<String
         display_size: product.display_size,
         data_corner: product.data_corner,
         frame: product.frame,
+        is_temporary: channels::setting(&product.settings, &["oocpt:temporary"]) == Some("true"),
     })
 }
 
@@ -114,10 +115,7 @@ fn path_of(product: &RenderProduct) -> Result<PathBuf, String> {
     if is_exr { Ok(path) } else { Err(format!("{} is no EXR file by its name", path.display())) }
 }
 
-fn channels_of(
-    product: &RenderProduct,
-    warnings: &mut Vec<String>,
-) -> Result<Vec<crate::job::product::FileChannel>, String> {
+fn channels_of(product: &RenderProduct, warnings: &mut Vec<String>) -> Result<Vec<FileChannel>, String> {
     let default = [ProductVar {
         prim: product.prim.clone(),
         data_type: "color4f".to_owned(),
@@ -259,6 +257,83 @@ mod tests {
         }
         let many: Vec<RenderProduct> = (0..300).map(|at| product("/p", &format!("{at}.exr"))).collect();
         assert_eq!((super::plan(&many).of_host.len(), super::plan(&many).warnings.len()), (MAX_PRODUCTS, 1));
+    }
+
+    /// A pseudo-random number below `below`.
+    fn next(random: &mut u64, below: usize) -> usize {
+        *random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        usize::try_from(*random >> 33).expect("31 bits") % below
+    }
+
+    #[test]
+    fn random_products_are_exr_files_or_warnings() {
+        let mut random = 5;
+        let texts = [
+            "",
+            "Ci",
+            "C.*",
+            "../../x.exr",
+            "/dev/null",
+            "/dev/zero.exr",
+            "a.####.exr",
+            "$F99999999999999999999.exr",
+            "<F>.EXR",
+            "lpe:",
+            "color lpe:",
+            "\u{202e}rxe.exr",
+            "a\nb.exr",
+            "N",
+            "primId",
+            "raster",
+            "lpe",
+            "primvar",
+            "color3f",
+            "half4",
+            "int[]",
+            "float99999999999",
+            ".exr",
+            "..",
+            "\u{0}",
+        ];
+        let mut written = 0;
+        for _ in 0..10_000 {
+            let mut text = || texts[next(&mut random, texts.len())].to_owned();
+            let vars = [(); 3].map(|()| ProductVar {
+                prim: text(),
+                data_type: text(),
+                source_name: text(),
+                source_type: text(),
+                settings: vec![("driver:parameters:aov:name".into(), text())],
+            });
+            let settings = vec![(COMPRESSION[0].into(), text())];
+            let (prim, kind, name) = (text(), text(), text());
+            let sides = [0, 1, 7, 65_536, u32::MAX];
+            let product = RenderProduct {
+                prim,
+                kind: if next(&mut random, 2) == 0 { "raster".into() } else { kind },
+                name,
+                vars: vars[..next(&mut random, 4)].to_vec(),
+                settings,
+                pixel_aspect: [1.0, 2.5, -1.0, f32::NAN, 1e-3][next(&mut random, 5)],
+                display_size: [sides[next(&mut random, 5)], sides[next(&mut random, 5)]],
+                data_corner: [i32::MIN, i32::MAX],
+                frame: [None, Some(f64::MAX), Some(-3.0)][next(&mut random, 3)],
+                picture: (next(&mut random, 2) == 0).then(|| picture(sides[next(&mut random, 5)])),
+            };
+            let plan = plan(std::slice::from_ref(&product));
+            let files: Vec<&ProductFile> =
+                plan.of_host.iter().chain(plan.before.iter().flat_map(|p| &p.files)).collect();
+            assert!(files.len() + plan.warnings.len() > 0, "{product:?}");
+            for file in files {
+                written += 1;
+                let extension = file.path.extension().expect("one");
+                assert!(extension.eq_ignore_ascii_case("exr") && !file.channels.is_empty(), "{product:?}");
+                let mut names: Vec<&str> = file.channels.iter().map(|channel| channel.name.as_str()).collect();
+                names.sort_unstable();
+                assert!(names.windows(2).all(|pair| pair[0] != pair[1]) && !names[0].is_empty(), "{names:?}");
+            }
+        }
+        assert!(written > 100, "{written}");
     }
 
     #[test]

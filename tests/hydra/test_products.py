@@ -1,0 +1,278 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Render products: files that a batch render writes, with their cameras, sizes, windows and layers."""
+
+import os
+import subprocess
+
+import numpy as np
+import OpenEXR
+import pytest
+
+import compare
+import exr
+import small
+
+CAMERA = """
+def Camera "Eye"
+{{
+    float horizontalAperture = {width}
+    float verticalAperture = {height}
+    float horizontalApertureOffset = 1.371
+    float focalLength = 30
+    double3 xformOp:translate = (0.2131, 0.1173, 6.071)
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+}}
+"""
+SETTINGS = """
+def RenderSettings "Settings"
+{{
+    rel camera = </Eye>
+    rel products = [{targets}]
+    int oocpt:samplesPerPixel = 4
+    int oocpt:maxBounces = 1
+    {settings}
+    {products}
+}}
+def Scope "Vars"
+{{
+    {vars}
+}}
+"""
+SIZE = (64, 48)
+
+
+def var(name, source, data_type="float", kind="raw", more=""):
+    return (
+        f'def RenderVar "{name}"\n{{\n    uniform token dataType = "{data_type}"\n'
+        f'    uniform string sourceName = "{source}"\n    uniform token sourceType = "{kind}"\n    {more}\n}}\n'
+    )
+
+
+VARS = {
+    "beauty": var("beauty", "Ci", "color4f"),
+    "ids": var("ids", "primId", "int"),
+    "N": var("N", "Nn", "normal3f"),
+    "depth": var("depth", "z", "half"),
+    "indirect": var("indirect", "C<RD>L", "color3f", "lpe"),
+}
+
+
+def product(name, file, names=("ids",), size=SIZE, more=""):
+    targets = ", ".join(f"</Vars/{name}>" for name in names)
+    return (
+        f'def RenderProduct "{name}"\n{{\n    token productName = "{file}"\n    rel orderedVars = [{targets}]\n'
+        f"    uniform int2 resolution = {tuple(size)}\n    {more}\n}}\n"
+    )
+
+
+def stage(products, settings="", aperture=(24, 18), camera=CAMERA):
+    """A scene; `products` by name."""
+    targets = ", ".join(f"</Settings/{name}>" for name in products)
+    return (
+        f'#usda 1.0\n(\n    renderSettingsPrimPath = "/Settings"\n    subLayers = [@{small.FOLDER}/cameras.usda@]\n)\n'
+        + camera.format(width=aperture[0], height=aperture[1])
+        + SETTINGS.format(
+            targets=targets, settings=settings, products="".join(products.values()), vars="".join(VARS.values())
+        )
+    )
+
+
+@pytest.fixture(params=["0", "1"], ids=["legacy", "scene_index"])
+def record(request, tmp_path):
+    """Runs usdrecord in a folder of its own; returns the finished process and the folder."""
+
+    def run(text, *flags, out="out.exr", fails=False, **environment):
+        scene = tmp_path / "scene.usda"
+        scene.write_text(text)
+        variables = dict(os.environ, USDIMAGINGGL_ENGINE_ENABLE_SCENE_INDEX=request.param, OOCPT_VALIDATION="1")
+        variables.update(environment)
+        variables.pop("PYTHONPATH", None)
+        done = subprocess.run(
+            ["usdrecord", "--disableCameraLight", *flags, str(scene), str(tmp_path / out)], cwd=tmp_path,
+            env=variables, capture_output=True, text=True, timeout=120, check=False, start_new_session=True,
+        )
+        assert (done.returncode != 0) == fails, done.stderr
+        return done, tmp_path
+
+    return run
+
+
+def channels(path):
+    """Arrays by channel, row 0 at the bottom, and the header."""
+    with OpenEXR.File(str(path), separate_channels=True) as file:
+        return {name: channel.pixels[::-1] for name, channel in file.channels().items()}, dict(file.header())
+
+
+def seen(host, size=SIZE, aperture=(24, 18), aovs=("primId",)):
+    settings = {"oocpt:samplesPerPixel": 4, "oocpt:maxBounces": 1}
+    return host.picture(stage({}, aperture=aperture), size, camera="/Eye", aovs=list(aovs), settings=settings)
+
+
+def as_ids(pixels):
+    return pixels.astype(np.uint32).view(np.int32)
+
+
+def test_layers_of_a_product_are_the_images_of_the_host(record, pool):
+    products = {
+        "All": product("All", "all.<F4>.exr", ["beauty", "ids", "N", "depth", "indirect"]),
+        "Deep": product("Deep", "deep.exr", more='token productType = "deepRaster"'),
+    }
+    done, folder = record(stage(products), "--products", "--enableDomeLightVisibility", "--frames", "7", out="out.#.exr")
+    layers, header = channels(folder / "all.0007.exr")
+    assert sorted(layers) == ["A", "B", "G", "N.X", "N.Y", "N.Z", "R", "Z", "ids"]
+    expected = seen(pool.get("legacy"), aovs=("color", "primId", "normal", "cameraDepth"))
+    compare.same_bits(np.stack([layers[name] for name in "RGBA"], -1), expected["color"], "colour")
+    compare.same_bits(np.stack([layers[f"N.{name}"] for name in "XYZ"], -1), expected["normal"], "normals")
+    assert (as_ids(layers["ids"]) == expected["primId"]).all() and (expected["primId"] >= 0).any()
+    compare.same_bits(layers["Z"], expected["cameraDepth"].astype(np.float16), "depth as half floats")
+    assert header["oocpt:samples"] == 4.0 and header["oocpt:frame"] == 7.0, header
+    assert "C<RD>L is not supported" in done.stderr and "/Settings/Deep" in done.stderr, done.stderr
+    assert done.stderr.count("samples, ") == 1, f"the product is the host's picture: {done.stderr}"
+
+
+def test_every_policy_for_another_aspect_ratio(record, pool):
+    """The camera's aperture is 4 : 3; a picture of 2 : 1 widens or cuts it, or has other pixels."""
+    wide = (64, 32)
+    apertures = {
+        "expandAperture": (36, 18), "cropAperture": (24, 12), "adjustApertureWidth": (36, 18),
+        "adjustApertureHeight": (24, 12),
+    }  # fmt: skip
+    products = {
+        policy: product(policy, f"{policy}.exr", size=wide, more=f'uniform token aspectRatioConformPolicy = "{policy}"')
+        for policy in [*apertures, "adjustPixelAspectRatio"]
+    }
+    third = 'uniform float pixelAspectRatio = 0.3333333333\nuniform token aspectRatioConformPolicy = "expandAperture"'
+    products["Narrow"] = product("Narrow", "narrow.exr", size=(96, 32), more=third)
+    _, folder = record(stage(products), "-rs", "/Settings")
+    host = pool.get("legacy")
+    for policy, aperture in apertures.items():
+        ids = as_ids(channels(folder / f"{policy}.exr")[0]["ids"])
+        expected = seen(host, wide, aperture)["primId"]
+        assert (ids >= 0).any() and (ids == expected).all(), f"{policy}: {(ids != expected).sum()} pixels"
+    _, header = channels(folder / "adjustPixelAspectRatio.exr")
+    compare.near(header["pixelAspectRatio"], 24 / 18 / 2, 1e-6, "wider than the picture by so much")
+    layers, header = channels(folder / "narrow.exr")
+    compare.near(header["pixelAspectRatio"], 1 / 3, 1e-6, "as authored")
+    square = seen(host, (32, 32), (24, 24))["primId"]
+    assert (as_ids(layers["ids"])[:, 1::3] == square).all(), "three pixels where others have one"
+
+
+def test_windows_crop_and_add_overscan(record, pool):
+    overscan = "uniform float4 dataWindowNDC = (-0.25, -0.25, 1.25, 1.25)"
+    crop = "uniform float4 dataWindowNDC = (0.25, 0, 0.5, 0.75)"
+    none = "uniform float4 dataWindowNDC = (0.5, 0.5, 0.5, 0.5)"
+    products = {
+        name: product(name, f"{name}.exr", more=more) for name, more in [("Over", overscan), ("Crop", crop), ("No", none)]
+    }
+    done, folder = record(stage(products), "--products")
+    whole = seen(pool.get("legacy"))["primId"]
+    width, height = SIZE
+    layers, header = channels(folder / "Over.exr")
+    low, high = header["dataWindow"]
+    assert tuple(low) == (-16, -12) and tuple(high) == (width + 15, height + 11), header["dataWindow"]
+    assert tuple(header["displayWindow"][1]) == (width - 1, height - 1)
+    ids = as_ids(layers["ids"])
+    inner = ids[12:-12, 16:-16]
+    assert (inner == whole).all(), f"what the display window shows: {np.argwhere(inner != whole)}"
+    layers, header = channels(folder / "Crop.exr")
+    low, high = header["dataWindow"]
+    assert tuple(low) == (16, 12) and tuple(high) == (31, height - 1), "y goes down"
+    assert (as_ids(layers["ids"]) == whole[: height - 12, 16:32]).all() and (whole[: height - 12, 16:32] >= 0).any()
+    assert "/Settings/No: the product is not written" in done.stderr, done.stderr
+
+
+def test_a_product_overwrites_pictures_alone(record, tmp_path):
+    (tmp_path / "notes.exr").write_text("a text")
+    sky = np.ones((4, 8, 3), dtype=np.float32)
+    with OpenEXR.File({"type": OpenEXR.scanlineimage}, {"RGB": sky}) as file:
+        file.write(str(tmp_path / "sky.exr"))
+        file.write(str(tmp_path / "old.exr"))
+    before = (tmp_path / "sky.exr").read_bytes()
+    dome = 'def DomeLight "Sky"\n{\n    asset inputs:texture:file = @./sky.exr@\n}\n'
+    products = {
+        name: product(name, file)
+        for name, file in [("Notes", "notes.exr"), ("Sky", "./sky.exr"), ("Old", "old.exr"), ("Script", "run.sh")]
+    }
+    done, folder = record(stage(products, camera=CAMERA + dome.replace("{", "{{").replace("}", "}}")), "--products",
+                          fails=True)  # fmt: skip
+    assert (folder / "notes.exr").read_text() == "a text" and (folder / "sky.exr").read_bytes() == before
+    assert "ids" in channels(folder / "old.exr")[0] and not (folder / "run.sh").exists()
+    for name, words in [("Notes", "is no EXR file"), ("Sky", "the scene reads"), ("Script", "is no EXR file")]:
+        assert any(name in line and words in line for line in done.stderr.splitlines()), (name, done.stderr)
+
+
+def test_nobody_asked_for_products(record):
+    products = {"Only": product("Only", "only.exr", ["beauty"], (8, 8))}
+    done, folder = record(stage(products), "--imageWidth", "16")
+    assert exr.read(folder / "out.exr").shape[:2] == (12, 16) and not (folder / "only.exr").exists()
+    assert "have 1 product; --products" in done.stderr, done.stderr
+    done, _ = record(stage({}), "--products", fails=True)
+    assert "have no products" in done.stderr
+
+
+def test_interactive_hosts_write_nothing(host, tmp_path):
+    text = stage({"Only": product("Only", f"{tmp_path}/only.exr", ["beauty"], (16, 12))})
+    activate = 'engine.SetActiveRenderSettingsPrimPath(Sdf.Path("/Settings"))'
+    for interactive in (True, False):
+        with host.open(text, (16, 12), camera="/Eye", settings={"enableInteractive": interactive}) as view:
+            view.edit(activate)
+            view.render()
+        assert (tmp_path / "only.exr").exists() != interactive
+
+
+def test_an_edit_of_a_product_writes_it_again(host, tmp_path):
+    """Nothing is traced for it: the picture is there."""
+    text = stage({"Only": product("Only", f"{tmp_path}/a.exr", ["beauty"], SIZE)})
+    with host.open(text, SIZE, camera="/Eye", settings={"enableInteractive": False}) as view:
+        view.edit('engine.SetActiveRenderSettingsPrimPath(Sdf.Path("/Settings"))\nengine.SetWindowPolicy(CameraUtil.Fit)')
+        view.render()
+        view.edit(f'stage.GetPrimAtPath("/Settings/Only").GetAttribute("productName").Set("{tmp_path}/b.exr")')
+        view.render()
+    compare.same_bits(exr.read(tmp_path / "b.exr"), exr.read(tmp_path / "a.exr"), "the same picture")
+
+
+def test_aovs_of_the_command_line(record):
+    _, folder = record(stage({}), "--imageWidth", "32", out="plain.exr")
+    done, _ = record(stage({}), "--imageWidth", "32", "--aov", "albedo,primId", "--frames", "1:2", out="with.#.exr")
+    for frame in (1, 2):
+        layers, header = channels(folder / f"with.{frame}.exr")
+        assert sorted(layers) == ["A", "B", "G", "R", "albedo.B", "albedo.G", "albedo.R", "primId"]
+        compare.same_bits(exr.read(folder / f"with.{frame}.exr"), exr.read(folder / "plain.exr"), "the same colour")
+        assert header["oocpt:samples"] == 4.0, "settings of the scene hold"
+    assert done.stderr.count("samples, ") == 2, f"a render a frame: {done.stderr}"
+    done, _ = record(stage({}), "--aov", "albdo", fails=True)
+    assert done.returncode == 2 and "did you mean albedo?" in done.stderr
+    done, _ = record(stage({}), "--aov", "albedo", out="out.png", fails=True)
+    assert done.returncode == 2 and "needs an EXR image" in done.stderr
+
+
+CONFIG = """ocio_profile_version: 2
+roles: {default: lin_rec709, scene_linear: lin_rec709}
+displays:
+  eye: [!<View> {name: dim, colorspace: shown}]
+active_displays: [eye]
+active_views: [dim]
+colorspaces:
+  - !<ColorSpace> {name: lin_rec709}
+  - !<ColorSpace>
+    name: shown
+    from_scene_reference: !<ExponentTransform> {value: [2, 2, 2, 1]}
+"""
+
+
+def test_pictures_for_eyes_take_an_opencolorio_config(record, tmp_path):
+    from PIL import Image
+
+    config = tmp_path / "config.ocio"
+    config.write_text(CONFIG)
+    flags = ["--imageWidth", "16", "--colorCorrectionMode"]
+    _, folder = record(stage({}), *flags, "disabled", out="linear.exr")
+    expected = np.clip(exr.read(folder / "linear.exr")[::-1], 0, 1) ** [2, 2, 2, 1]
+    record(stage({}), *flags, "openColorIO", out="of_variable.png", OCIO=str(config))
+    named = stage({}).replace("(\n", "(\n    colorConfiguration = @./config.ocio@\n", 1)
+    record(named, *flags, "openColorIO", out="of_stage.png", OCIO="")
+    for name in ("of_variable", "of_stage"):
+        shown = np.asarray(Image.open(folder / f"{name}.png"), dtype=np.float64) / 255
+        compare.near(shown, expected, 0.6 / 255, name)
+    done, _ = record(stage({}), *flags, "openColorIO", out="none.png", fails=True, OCIO="")
+    assert "needs a config" in done.stderr and not (folder / "none.png").exists()
