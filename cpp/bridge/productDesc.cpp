@@ -69,8 +69,7 @@ oocpt::RenderDesc _DescribePicture(const HdOocPTSceneReader& reader, const HdOoc
     request.height = std::max(pixels[3] - pixels[1], 0);
     request.cameraPath = product.camera;
     request.projection = view.projection;
-    const HdOocPTLens lens
-        = hasLens && !product.isLensDisabled ? reader.GetLens(product.camera) : HdOocPTLens {};
+    const HdOocPTLens lens = hasLens && !product.isLensDisabled ? reader.GetLens(product.camera) : HdOocPTLens {};
     oocpt::RenderDesc desc = HdOocPTDescribeRender(request, lens);
     std::copy_n(view.viewToWorld.GetArray(), 16, desc.world_from_view.begin());
     // The projection is that of the whole picture, of which these pixels are a part.
@@ -102,12 +101,13 @@ rust::Vec<oocpt::ProductDesc> HdOocPTDescribeProducts(
         desc.kind = _Text(product.type.GetString());
         desc.name = _Text(product.name);
         for (const HdOocPTProductVar& var : product.vars) {
-            desc.vars.push_back({ _Text(var.path.GetString()), _Text(var.dataType.GetString()),
-                _Text(var.sourceName), _Text(var.sourceType.GetString()), _DescribeSettings(var.settings) });
+            desc.vars.push_back({ _Text(var.path.GetString()), _Text(var.dataType.GetString()), _Text(var.sourceName),
+                _Text(var.sourceType.GetString()), _DescribeSettings(var.settings) });
         }
         desc.settings = _DescribeSettings(product.settings);
         desc.pixel_aspect = static_cast<float>(view->pixelAspectRatio);
-        desc.display_size = { static_cast<uint32_t>(product.resolution[0]), static_cast<uint32_t>(product.resolution[1]) };
+        desc.display_size
+            = { static_cast<uint32_t>(product.resolution[0]), static_cast<uint32_t>(product.resolution[1]) };
         desc.data_corner = { pixels[0], pixels[1] };
         desc.has_frame = frame.has_value();
         desc.frame = frame.value_or(0.0);

@@ -170,7 +170,8 @@ std::optional<double> HdOocPTReadCurrentFrame(const HdSceneIndexBase& scene)
     const auto& tokens = *HdOocPTProductTokens;
     const HdSceneIndexPrim root = scene.GetPrim(SdfPath::AbsoluteRootPath());
     double frame = 0.0;
-    const bool has = HdOocPTConvert(HdOocPTRead(root.dataSource, { HdOocPTSceneTokens->sceneGlobals, tokens.currentFrame }), &frame);
+    const bool has = HdOocPTConvert(
+        HdOocPTRead(root.dataSource, { HdOocPTSceneTokens->sceneGlobals, tokens.currentFrame }), &frame);
     return has && std::isfinite(frame) ? std::make_optional(frame) : std::nullopt;
 }
 

@@ -143,7 +143,7 @@ def test_failures_end_with_one_and_a_message(scene, tmp_path):
         (["--frames", "1:2", "out.png"], "placeholder"),
         (["out.###.png"], "placeholder"),
         (["--renderer", "NoSuchRenderer", "out.png"], "NoSuchRenderer"),
-        (["--colorCorrectionMode", "openColorIO", "out.png"], "openColorIO"),
+        (["--aov", "albedo", "out.png"], "needs an EXR image"),
     ],
 )
 def test_bad_arguments_end_with_two(scene, flags, message):

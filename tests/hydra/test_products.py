@@ -117,7 +117,8 @@ def test_layers_of_a_product_are_the_images_of_the_host(record, pool):
         "All": product("All", "all.<F4>.exr", ["beauty", "ids", "N", "depth", "indirect"]),
         "Deep": product("Deep", "deep.exr", more='token productType = "deepRaster"'),
     }
-    done, folder = record(stage(products), "--products", "--enableDomeLightVisibility", "--frames", "7", out="out.#.exr")
+    flags = ["--products", "--enableDomeLightVisibility", "--frames", "7"]
+    done, folder = record(stage(products), *flags, out="out.#.exr")
     layers, header = channels(folder / "all.0007.exr")
     assert sorted(layers) == ["A", "B", "G", "N.X", "N.Y", "N.Z", "R", "Z", "ids"]
     expected = seen(pool.get("legacy"), aovs=("color", "primId", "normal", "cameraDepth"))
@@ -162,7 +163,8 @@ def test_windows_crop_and_add_overscan(record, pool):
     crop = "uniform float4 dataWindowNDC = (0.25, 0, 0.5, 0.75)"
     none = "uniform float4 dataWindowNDC = (0.5, 0.5, 0.5, 0.5)"
     products = {
-        name: product(name, f"{name}.exr", more=more) for name, more in [("Over", overscan), ("Crop", crop), ("No", none)]
+        name: product(name, f"{name}.exr", more=more)
+        for name, more in [("Over", overscan), ("Crop", crop), ("No", none)]
     }
     done, folder = record(stage(products), "--products")
     whole = seen(pool.get("legacy"))["primId"]
@@ -224,7 +226,7 @@ def test_an_edit_of_a_product_writes_it_again(host, tmp_path):
     """Nothing is traced for it: the picture is there."""
     text = stage({"Only": product("Only", f"{tmp_path}/a.exr", ["beauty"], SIZE)})
     with host.open(text, SIZE, camera="/Eye", settings={"enableInteractive": False}) as view:
-        view.edit('engine.SetActiveRenderSettingsPrimPath(Sdf.Path("/Settings"))\nengine.SetWindowPolicy(CameraUtil.Fit)')
+        view.edit('engine.SetActiveRenderSettingsPrimPath(Sdf.Path("/Settings"))')
         view.render()
         view.edit(f'stage.GetPrimAtPath("/Settings/Only").GetAttribute("productName").Set("{tmp_path}/b.exr")')
         view.render()

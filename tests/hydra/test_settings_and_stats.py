@@ -36,7 +36,7 @@ LISTED = [
     "oocpt:stragglerRoulette", "oocpt:adaptiveSampling", "oocpt:textureCache", "oocpt:textureCacheSize",
     "oocpt:geometryCache", "oocpt:geometryCacheSize", "oocpt:pipelineCache",
     "oocpt:maxDiffuseBounces", "oocpt:maxSpecularBounces", "oocpt:maxTransmissionBounces",
-    "oocpt:pixelFilter", "oocpt:pixelFilterWidth",
+    "oocpt:pixelFilter", "oocpt:pixelFilterWidth", "oocpt:products",
     "convergedSamplesPerPixel", "enableInteractive", "domeLightCameraVisibility", "enableSceneLights",
 ]  # fmt: skip
 # Tools for developing the renderer: they work wherever a setting can be given, and no host lists them.

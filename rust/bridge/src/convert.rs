@@ -6,6 +6,7 @@
 
 pub(crate) mod motion;
 pub(crate) mod product;
+pub(crate) mod request;
 mod solid;
 
 use crate::ffi;

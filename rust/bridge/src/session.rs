@@ -15,11 +15,8 @@ use crate::images::HostImages;
 use crate::settings::{self, SettingLayers};
 use crate::{logging, runner, stats};
 use cxx::UniquePtr;
-use glam::DVec4;
-use oocpt_core::array::column_matrix;
-use oocpt_core::camera::Camera;
 use oocpt_render::textures::ImageLibrary;
-use oocpt_render::{AovKind, AovRequest, PixelWindow, RenderRequest, SceneEdit, SessionOptions, Severity};
+use oocpt_render::{AovKind, SceneEdit, SessionOptions, Severity};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// One renderer.
@@ -146,7 +143,7 @@ impl Session {
                 self.inner.edit(vec![edits::purposes(request.purposes.clone())]);
             }
             drop(purposes);
-            let request = render_request(&request);
+            let request = convert::request::render_request(&request);
             tracing::trace!(?request, "render");
             let products = products.into_iter().map(convert::product::render_product).collect();
             self.inner.render_products(request, products);
@@ -239,36 +236,6 @@ impl Session {
 
 fn outcome(changed: bool) -> SettingOutcome {
     if changed { SettingOutcome::Changed } else { SettingOutcome::Unchanged }
-}
-
-pub(crate) fn render_request(desc: &RenderDesc) -> RenderRequest {
-    let size = [desc.width, desc.height];
-    let [right, bottom] = size.map(|side| i32::try_from(side).unwrap_or(i32::MAX));
-    let is_whole = desc.data_window == [0, 0, right, bottom];
-    RenderRequest {
-        width: desc.width,
-        height: desc.height,
-        window: (!is_whole).then(|| PixelWindow::of_corners(desc.data_window, size)),
-        camera: Camera {
-            world_from_view: column_matrix(&desc.world_from_view),
-            projection: column_matrix(&desc.projection),
-            display_window: desc.display_window,
-            data_window: [0, 0, right, bottom],
-            lens_radius: desc.lens_radius,
-            focus_distance: desc.focus_distance,
-            clip_planes: desc.clip_planes.as_chunks().0.iter().map(|plane| DVec4::from_array(*plane)).collect(),
-            motion: convert::motion::transform_samples(&desc.camera_motion),
-            exposure_scale: desc.exposure_scale,
-        },
-        aovs: desc
-            .aovs
-            .iter()
-            .filter_map(|aov| {
-                let kind = AovKind::from_token(&aov.name)?;
-                Some(AovRequest { kind, clear: if aov.has_clear { aov.clear } else { kind.default_clear() } })
-            })
-            .collect(),
-    }
 }
 
 #[cfg(test)]

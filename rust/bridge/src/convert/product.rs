@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Render products.
 
+use super::request::render_request;
 use crate::ffi::{NamedValue, ProductDesc, ProductVarDesc, ScalarTag};
-use crate::session::render_request;
 use oocpt_render::{ProductVar, RenderProduct};
 
 /// A product as the renderer takes it.

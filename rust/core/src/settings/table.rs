@@ -246,6 +246,9 @@ settings! {
     Float(pixel_filter_width, 0.0, 64.0): f32 = 0.0;
         User Scene BeginsAgain "oocpt:pixelFilterWidth" "OOCPT_PIXEL_FILTER_WIDTH" "Pixel filter width"
         "Full width of the filter in pixels; 0 = 1, 2, 3, 3 or 4, as usual for it";
+    Bool(write_products): bool = true;
+        User Machine GoesOn "oocpt:products" "OOCPT_PRODUCTS" "Render products"
+        "Batch renders write the files that the active render settings ask for";
     Int(samples_per_pixel, 1, MAX_SAMPLES);
         User Host GoesOn "convergedSamplesPerPixel" "OOCPT_CONVERGED_SAMPLES_PER_PIXEL" "Converged samples"
         "As oocpt:samplesPerPixel";

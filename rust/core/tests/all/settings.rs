@@ -132,6 +132,7 @@ const OURS: [&str; 31] = [
     "oocpt:maxTransmissionBounces",
     "oocpt:pixelFilter",
     "oocpt:pixelFilterWidth",
+    "oocpt:products",
 ];
 
 /// Hosts show them in this order; new settings come after the ones that hosts knew, before the names that all renderers
@@ -234,7 +235,7 @@ fn every_descriptor_can_be_set_to_its_default_and_has_an_own_variable() {
         let name = Settings::env_name(descriptor.key).unwrap();
         assert!(name.starts_with("OOCPT_") && names.insert(name), "{name}");
     }
-    assert_eq!(names.len(), 35);
+    assert_eq!(names.len(), 36);
     assert_eq!(Settings::env_name("oocpt:samplesPerPixel"), Some("OOCPT_SAMPLES_PER_PIXEL"));
     assert_eq!(Settings::env_name("other"), None);
 }
@@ -276,7 +277,7 @@ fn a_film_goes_on_as_the_rows_say() {
         }
     }
     let of_samples = ["oocpt:samplesPerPixel", "oocpt:timeLimit", "oocpt:materialReport", "oocpt:report"];
-    let others = ["oocpt:reference", "oocpt:targetError", "convergedSamplesPerPixel"];
+    let others = ["oocpt:reference", "oocpt:targetError", "oocpt:products", "convergedSamplesPerPixel"];
     assert_eq!(goes_on, [&of_samples[..], &others[..]].concat(), "what the samples depend on begins again");
     assert!(Settings::default().goes_on_from(&Settings::default()), "the same settings");
 }

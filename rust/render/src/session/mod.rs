@@ -157,7 +157,7 @@ impl Session {
 
     /// As [`Session::render`]. A batch session also renders the pictures of `products`, before that of `request`, and
     /// writes their files; it is converged when that is done. What cannot be written is told. An interactive session
-    /// writes nothing: it would do so at every change.
+    /// writes nothing: it would do so at every change. Nor does one whose settings say so.
     pub fn render_products(&self, mut request: RenderRequest, products: Vec<RenderProduct>) {
         if !self.ensure_threads() {
             return;
@@ -167,7 +167,8 @@ impl Session {
         let is_cut = request.camera.clip_planes.len() < planes;
         let (settings, options, images) = (self.settings(), *lock(&self.options), self.images.clone());
         let files = Arc::clone(&lock(&self.files));
-        let products = if settings.interactive { Vec::new() } else { products };
+        let writes = settings.write_products && !settings.interactive;
+        let products = if writes { products } else { Vec::new() };
         let mut planned = lock(&self.products);
         let plan = planned.plan(products, &self.shared);
         plan.of_host.iter().for_each(|file| add_kinds(&mut request, file));
