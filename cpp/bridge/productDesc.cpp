@@ -64,18 +64,25 @@ bool _IsOfHost(const HdOocPTProduct& product, const HdOocPTProductView& view, co
 oocpt::RenderDesc _DescribePicture(const HdOocPTSceneReader& reader, const HdOocPTProduct& product,
     const HdOocPTProductView& view, const std::array<int32_t, 4>& pixels, bool hasLens, HdOocPTWarnings* warnings)
 {
+    // Inside of the picture the pixels are a window of it, with its bits; overscan is a picture of another size.
+    const GfVec2i& size = product.resolution;
+    const bool isInside = pixels[0] >= 0 && pixels[1] >= 0 && pixels[2] <= size[0] && pixels[3] <= size[1]
+        && pixels[0] < pixels[2] && pixels[1] < pixels[3];
+    const GfVec2i corner = isInside ? GfVec2i(0) : GfVec2i(pixels[0], pixels[1]);
     HdOocPTRenderRequest request;
-    request.width = std::max(pixels[2] - pixels[0], 0);
-    request.height = std::max(pixels[3] - pixels[1], 0);
+    request.width = isInside ? size[0] : std::max(pixels[2] - pixels[0], 0);
+    request.height = isInside ? size[1] : std::max(pixels[3] - pixels[1], 0);
     request.cameraPath = product.camera;
     request.projection = view.projection;
     const HdOocPTLens lens = hasLens && !product.isLensDisabled ? reader.GetLens(product.camera) : HdOocPTLens {};
     oocpt::RenderDesc desc = HdOocPTDescribeRender(request, lens);
     std::copy_n(view.viewToWorld.GetArray(), 16, desc.world_from_view.begin());
-    // The projection is that of the whole picture, of which these pixels are a part.
-    const GfVec2i& size = product.resolution;
-    desc.display_window = { static_cast<float>(-pixels[0]), static_cast<float>(-pixels[1]),
-        static_cast<float>(size[0] - pixels[0]), static_cast<float>(size[1] - pixels[1]) };
+    if (isInside) {
+        desc.data_window = pixels;
+    }
+    // The projection is that of the whole picture.
+    desc.display_window = { static_cast<float>(-corner[0]), static_cast<float>(-corner[1]),
+        static_cast<float>(size[0] - corner[0]), static_cast<float>(size[1] - corner[1]) };
     HdOocPTDescribeCamera(reader, product.camera, view.viewToWorld, &desc, warnings);
     return desc;
 }

@@ -163,11 +163,12 @@ def test_windows_crop_and_add_overscan(record, pool):
     crop = "uniform float4 dataWindowNDC = (0.25, 0, 0.5, 0.75)"
     none = "uniform float4 dataWindowNDC = (0.5, 0.5, 0.5, 0.5)"
     products = {
-        name: product(name, f"{name}.exr", more=more)
+        name: product(name, f"{name}.exr", ["ids", "beauty"], more=more)
         for name, more in [("Over", overscan), ("Crop", crop), ("No", none)]
     }
-    done, folder = record(stage(products), "--products")
-    whole = seen(pool.get("legacy"))["primId"]
+    done, folder = record(stage(products), "--products", "--enableDomeLightVisibility")
+    expected = seen(pool.get("legacy"), aovs=("primId", "color"))
+    whole = expected["primId"]
     width, height = SIZE
     layers, header = channels(folder / "Over.exr")
     low, high = header["dataWindow"]
@@ -180,6 +181,7 @@ def test_windows_crop_and_add_overscan(record, pool):
     low, high = header["dataWindow"]
     assert tuple(low) == (16, 12) and tuple(high) == (31, height - 1), "y goes down"
     assert (as_ids(layers["ids"]) == whole[: height - 12, 16:32]).all() and (whole[: height - 12, 16:32] >= 0).any()
+    compare.same_bits(exr.read(folder / "Crop.exr"), expected["color"][: height - 12, 16:32], "of the whole picture")
     assert "/Settings/No: the product is not written" in done.stderr, done.stderr
 
 

@@ -64,7 +64,7 @@ impl PixelWindow {
     }
 
     /// The rows of the window in an image of a picture so many columns wide, each pixel `bytes` long: where they are.
-    pub(crate) fn rows(self, columns: u32, bytes: usize) -> impl Iterator<Item = std::ops::Range<usize>> {
+    pub(crate) fn rows(self, columns: u32, bytes: usize) -> impl DoubleEndedIterator<Item = std::ops::Range<usize>> {
         let at = move |row: u32| (row as usize * columns as usize + self.x as usize) * bytes;
         let length = self.width as usize * bytes;
         (self.y..self.y + self.height).map(move |row| at(row)..at(row) + length)

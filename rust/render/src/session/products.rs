@@ -46,14 +46,13 @@ pub(super) fn write(job: &RenderJob, shared: &SharedState) {
     }
     let made = attributes(shared, &job.settings);
     let inputs = inputs(&job.snapshot);
-    let size = [job.request.width, job.request.height];
     for file in job.products.iter() {
         let frame = file.frame.map(|frame| ("frame".to_owned(), PictureAttribute::Number(frame)));
         let attributes: PictureAttributes = made.iter().cloned().chain(frame).collect();
-        match products::write(file, size, &published, &attributes, &inputs) {
+        match products::write(file, &job.request, &published, &attributes, &inputs) {
             Ok(()) if file.is_temporary => {}
             Ok(()) => {
-                let [width, height] = size;
+                let [width, height] = job.request.part().size();
                 let text = format!("{width} x {height}, {} channels", file.channels.len());
                 shared.report(Severity::Status, format!("wrote {} ({text})", file.path.display()));
             }

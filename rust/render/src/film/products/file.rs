@@ -6,6 +6,7 @@ use crate::film::picture::{PictureAttributes, layer_attributes};
 use crate::job::aov::AovKind;
 use crate::job::product::{FileChannel, FileCompression, ProductFile, SampleFormat};
 use crate::job::publish::PublishedImages;
+use crate::job::request::RenderRequest;
 use exr::compression::Compression;
 use exr::meta::attribute::{IntegerBounds, Text};
 use exr::prelude::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, Vec2, WritableImage as _, f16};
@@ -33,11 +34,11 @@ pub(crate) enum ProductError {
     File(String, String),
 }
 
-/// Writes `file` of an image of `size` pixels. The file is whole, or what was there stays. `inputs` are names of files
+/// Writes `file` of the rendered part of the images of `request`. The file is whole, or what was there stays. `inputs` are names of files
 /// that the scene reads.
 pub(crate) fn write(
     file: &ProductFile,
-    [width, height]: [u32; 2],
+    request: &RenderRequest,
     images: &PublishedImages,
     attributes: &PictureAttributes,
     inputs: &[&str],
@@ -49,19 +50,21 @@ pub(crate) fn write(
     if !may_be_replaced(&file.path) {
         return Err(ProductError::Foreign(name()));
     }
-    let size = Vec2(width as usize, height as usize);
+    let window = request.part();
     let channels = file.channels.iter().map(|channel| {
-        let image = images
-            .image(channel.kind)
-            .filter(|image| image.len() == size.area().saturating_mul(channel.kind.pixel_bytes()));
+        let bytes = request.image_pixels().saturating_mul(channel.kind.pixel_bytes() as u64);
+        let image = images.image(channel.kind).filter(|image| image.len() as u64 == bytes);
         let image = image.ok_or(ProductError::Image(channel.kind))?;
-        Ok(AnyChannel::new(Text::from(channel.name.as_str()), samples(image, size, channel)))
+        let rows = window.rows(request.width, channel.kind.pixel_bytes()).rev();
+        let rows: Vec<&[u8]> = rows.filter_map(|row| image.get(row)).collect();
+        Ok(AnyChannel::new(Text::from(channel.name.as_str()), samples(&rows, channel)))
     });
     let channels = AnyChannels::sort(channels.collect::<Result<_, ProductError>>()?);
     let mut layer = layer_attributes(attributes);
     layer.layer_position = Vec2(file.data_corner[0], file.data_corner[1]);
     let encoding = Encoding { compression: compression(file.compression), ..Encoding::FAST_LOSSLESS };
-    let mut image = Image::from_layer(Layer::new(size, layer, encoding, channels));
+    let mut image =
+        Image::from_layer(Layer::new(Vec2(window.width as usize, window.height as usize), layer, encoding, channels));
     let [columns, rows] = file.display_size.map(|side| side as usize);
     image.attributes.display_window = IntegerBounds::new(Vec2(0, 0), Vec2(columns, rows));
     image.attributes.pixel_aspect = file.pixel_aspect;
@@ -90,8 +93,8 @@ fn may_be_replaced(path: &Path) -> bool {
     }
 }
 
-/// The numbers of a channel, top row first, of an image with its bottom row first.
-fn samples(image: &[u8], size: Vec2<usize>, channel: &FileChannel) -> FlatSamples {
+/// The numbers of a channel, of rows of its image, top row first.
+fn samples(rows: &[&[u8]], channel: &FileChannel) -> FlatSamples {
     let (bytes, offset) = (channel.kind.pixel_bytes(), 4 * channel.component);
     let is_id = matches!(channel.kind, AovKind::PrimId | AovKind::InstanceId | AovKind::ElementId);
     let word = move |pixel: &[u8]| -> [u8; 4] {
@@ -106,8 +109,7 @@ fn samples(image: &[u8], size: Vec2<usize>, channel: &FileChannel) -> FlatSample
         let number = if is_id { i32::from_ne_bytes(word(pixel)) } else { float(pixel) as i32 };
         number.cast_unsigned()
     };
-    let rows =
-        || image.par_chunks_exact((size.x() * bytes).max(1)).rev().flat_map(move |row| row.par_chunks_exact(bytes));
+    let rows = || rows.par_iter().flat_map(move |row| row.par_chunks_exact(bytes));
     match channel.format {
         SampleFormat::Half => FlatSamples::F16(rows().map(|pixel| f16::from_f32(float(pixel))).collect()),
         SampleFormat::Float => FlatSamples::F32(rows().map(float).collect()),
