@@ -34,8 +34,8 @@ pub(crate) enum ProductError {
     File(String, String),
 }
 
-/// Writes `file` of the rendered part of the images of `request`. The file is whole, or what was there stays. `inputs` are names of files
-/// that the scene reads.
+/// Writes `file` of the rendered part of the images of `request`. The file is whole, or what was there stays. `inputs`
+/// are names of files that the scene reads.
 pub(crate) fn write(
     file: &ProductFile,
     request: &RenderRequest,
