@@ -56,7 +56,7 @@ fn average(pictures: &[Vec<f32>]) -> Vec<f64> {
 /// Most pixels are easy: a caustic that few paths find, and the edge of a shadow.
 #[test]
 fn adaptive_sampling_lowers_error_at_equal_samples() {
-    let view = view([32, 24]);
+    let view = view([48, 32]);
     type Case = (&'static str, fn(&mut SceneDb), f64);
     let cases: [Case; 2] = [("mirror", mirror, 0.65), ("window", window, 0.75)];
     for (name, build, bound) in cases {
