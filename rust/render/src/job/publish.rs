@@ -265,4 +265,17 @@ mod tests {
         assert!(!put(&mut published, 1, 2, 4, PictureExtent::WHOLE), "an older one");
         assert!(published.shows(2) && !published.shows(1), "is not shown");
     }
+
+    #[test]
+    fn an_image_that_was_not_asked_for_is_forgotten_and_a_new_one_waits_until_it_is_whole() {
+        let mut published = PublishedImages::default();
+        put(&mut published, 1, 2, 1, PictureExtent::WHOLE);
+        let layout = layout([2, 1], None);
+        assert!(published.begin(2, &[AovKind::Depth], &layout, PictureExtent::WHOLE), "one image is asked for");
+        assert_eq!(published.image(AovKind::SampleCount), None, "the other is forgotten");
+        let part = PictureExtent { planes: 2, samples: 1 };
+        let both = [AovKind::Depth, AovKind::SampleCount];
+        assert!(!published.begin(2, &both, &layout, part), "a part has nothing to be shown over");
+        assert!(published.begin(2, &both, &layout, PictureExtent::WHOLE), "all of it needs nothing");
+    }
 }

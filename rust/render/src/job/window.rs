@@ -130,6 +130,7 @@ mod tests {
         let of = |corners| PixelWindow::of_corners(corners, size);
         assert_eq!(of([0, 0, 10, 6]), PixelWindow::whole(size), "all of it");
         assert_eq!(of([2, 1, 5, 3]), PixelWindow { x: 2, y: 3, width: 3, height: 2 }, "rows go up");
+        assert_eq!(of([2, 1, 5, 3]).corners(6), [2, 1, 5, 3], "and down again");
         assert_eq!(of([-4, -4, 99, i32::MAX]), PixelWindow::whole(size), "overscan that no pixel is for");
         for outside in [[3, 3, 3, 5], [5, 2, 4, 3], [10, 0, 20, 6], [-9, 0, 0, 6], [0, 6, 10, 9]] {
             assert_eq!(of(outside), PixelWindow::default(), "{outside:?} has no pixels");

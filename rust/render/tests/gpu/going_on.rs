@@ -82,8 +82,9 @@ fn more_samples_go_on_with_the_same_bits_while_streaming() {
 
 #[test]
 fn a_render_under_way_goes_on() {
-    for streams in [false, true] {
-        let session = open(nested, settings(1 << 20, 3), streams);
+    // An interactive render in core would give up the work of the device for another picture.
+    for (streams, interactive) in [(false, true), (true, false)] {
+        let session = open(nested, Settings { interactive, ..settings(1 << 20, 3) }, streams);
         session.render(view());
         let end = Instant::now() + TIMEOUT;
         while session.stats().samples_completed < 3 {

@@ -3,7 +3,7 @@
 //! both strategies; and the mean of still pictures.
 
 use super::shapes::polygon;
-use super::{TestFiles, cylinder, disk, downwards, expect, irradiances, light, rect, sphere};
+use super::{TestFiles, cylinder, disk, downwards, expect, irradiance_with, irradiances, light, rect, sphere};
 use crate::scenes::{dome, instanced, instancer, prim, square, sun};
 use crate::streaming::MOVING_LAMPS;
 use crate::support::{color_request, perspective, read, render, session, settings};
@@ -116,12 +116,12 @@ fn against_stills(what: &str, desc: &dyn Fn() -> LightDesc, place: &dyn Fn(f64) 
     let mut stills = [0.0; 3];
     for k in 0..STILLS {
         let time = (f64::from(k) + 0.5) / f64::from(STILLS);
-        let [direct, _] = irradiances(1024, &|db| {
+        let still = irradiance_with(settings(1024, 0), &|db| {
             let mut desc = desc();
             desc.prim.transform = place(time);
             db.upsert_light(desc);
         });
-        stills.iter_mut().zip(direct).for_each(|(sum, e)| *sum += e / f64::from(STILLS));
+        stills.iter_mut().zip(still).for_each(|(sum, e)| *sum += e / f64::from(STILLS));
     }
     for given in irradiances(16384, &|db| db.upsert_light(moving(desc(), &[0.0, 0.5, 1.0], place))) {
         for (given, known) in given.into_iter().zip(stills) {
