@@ -21,13 +21,7 @@ use scenes::{BEACH, SET};
 pub(crate) use scenes::{SCENES, Scene};
 use std::sync::Arc;
 
-/// Policies, without and with geometry that rays read in host memory; the default first.
-const WAYS: [(PolicyKind, HostMapped); 4] = [
-    (PolicyKind::Benefit, HostMapped::Off),
-    (PolicyKind::Sweep, HostMapped::Off),
-    (PolicyKind::Priority, HostMapped::Off),
-    (PolicyKind::Benefit, HostMapped::On),
-];
+const POLICIES: [PolicyKind; 3] = [PolicyKind::Sweep, PolicyKind::Priority, PolicyKind::Benefit];
 
 /// The results of one render.
 struct Render {
@@ -76,20 +70,21 @@ fn percent(bytes: u64, percent: u64) -> u32 {
     u32::try_from((bytes * percent / 100) >> 10).expect("small")
 }
 
-/// Renders `scene` at every budget and compares with everything resident.
+/// Renders `scene` at every budget under every policy and compares with everything resident.
 pub(crate) fn same_bits(scene: &Scene) {
-    same_bits_in(scene, &WAYS, support::is_full());
+    let without = POLICIES.map(|policy| (policy, HostMapped::Off));
+    same_bits_under(scene, without.into_iter().chain([(PolicyKind::Benefit, HostMapped::On)]));
 }
 
-/// The first way has every budget; the others, too, if `all` is set, and else the two at which most happens.
-fn same_bits_in(scene: &Scene, ways: &[(PolicyKind, HostMapped)], all: bool) {
+/// Compares under these policies, with geometry that rays read in host memory or without.
+fn same_bits_under(scene: &Scene, policies: impl IntoIterator<Item = (PolicyKind, HostMapped)>) {
     let whole = render(scene, small_chunks(), options());
     assert!(whole.stats.in_core, "{}: the scene fits", scene.name);
     assert!(whole.stats.chunks >= 8, "{}: {} chunks are too few to test anything", scene.name, whole.stats.chunks);
     let smallest = smallest_budget(scene);
     let parts = [100, 50, 25, 10].map(|part| percent(whole.stats.scene_bytes, part).max(smallest));
-    for (at, &(policy, host_mapped)) in ways.iter().enumerate() {
-        let mut budgets = if all || at == 0 { parts.to_vec() } else { vec![parts[1]] };
+    for (policy, host_mapped) in policies {
+        let mut budgets = parts.to_vec();
         budgets.push(smallest);
         budgets.dedup();
         for budget in budgets {
@@ -112,7 +107,7 @@ fn same_bits_in(scene: &Scene, ways: &[(PolicyKind, HostMapped)], all: bool) {
 
 #[test]
 fn flat_scene_same_bits_at_every_budget() {
-    same_bits_in(&SCENES[0], &WAYS, true);
+    same_bits(&SCENES[0]);
 }
 
 #[test]
@@ -157,8 +152,7 @@ fn chunks_that_all_place_the_same_meshes_same_bits_at_every_budget() {
     let smallest = u64::from(smallest_budget(&SET)) << 10;
     assert!(8 * smallest < whole.stats.scene_bytes, "{smallest} bytes of {:?}", whole.stats);
     // The other policies wait long for two units that a ray needs at once.
-    let ways = [HostMapped::Off, HostMapped::On].map(|mapped| (PolicyKind::Benefit, mapped));
-    same_bits_in(&SET, &ways, support::is_full());
+    same_bits_under(&SET, [HostMapped::Off, HostMapped::On].map(|mapped| (PolicyKind::Benefit, mapped)));
 }
 
 #[test]
