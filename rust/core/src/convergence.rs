@@ -44,7 +44,8 @@ const Z: f64 = 1.959_963_985;
 
 /// Sums over the pixels of a picture. `s` and `d`, defined in the lead of the module, are relative, squared and
 /// averaged over the channels.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "camelCase")]
 pub struct PictureErrorSums {
     /// Pixels of the picture.
     pub pixels: f64,

@@ -2,9 +2,12 @@
 //! What a film file says of itself before its planes.
 
 use crate::identity::FilmIdentity;
-use crate::ranges::SampleRange;
+use crate::ranges::{self, SampleRange, joined};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
+
+/// Most pixels of a film.
+pub(crate) const MAX_PIXELS: u64 = 1 << 28;
 
 /// What the planes of a film are.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -70,16 +73,28 @@ impl FilmHeader {
     /// All samples, in ascending order; ranges that meet are one.
     #[must_use]
     pub fn samples(&self) -> Vec<SampleRange> {
-        let mut all: Vec<SampleRange> = self.planes.iter().flatten().copied().collect();
-        all.sort_unstable();
-        let mut joined: Vec<SampleRange> = Vec::new();
-        for range in all {
-            match joined.last_mut() {
-                Some(last) if last.end == range.begin => last.end = range.end,
-                _ => joined.push(range),
-            }
+        joined(self.planes.iter().flatten().copied())
+    }
+
+    /// End of the samples from 0 on that the first plane has; 0 without any.
+    #[must_use]
+    pub fn whole(&self) -> u32 {
+        self.planes
+            .first()
+            .and_then(|plane| plane.first())
+            .filter(|range| range.begin == 0)
+            .map_or(0, |range| range.end)
+    }
+
+    /// What is wrong with it, if anything.
+    pub(crate) fn check(&self) -> Result<(), &'static str> {
+        let [x, y, width, height] = self.identity.request.window;
+        let [all_x, all_y] = self.identity.request.size;
+        let fits = |at: u32, side: u32, all: u32| at.checked_add(side).is_some_and(|end| end <= all);
+        if self.pixels() == 0 || self.pixels() > MAX_PIXELS || !fits(x, width, all_x) || !fits(y, height, all_y) {
+            return Err("its window is no part of a picture");
         }
-        joined
+        ranges::check(&self.planes)
     }
 
     /// What forbids to merge this film with another, in words.

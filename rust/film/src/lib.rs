@@ -8,19 +8,26 @@
 
 #![forbid(unsafe_code)]
 
+mod combine;
 mod container;
 mod error;
 mod exact;
 mod film;
 mod header;
 mod identity;
+mod measure;
+mod picture;
 mod ranges;
+mod tiles;
 
+pub use combine::merge;
 pub use container::{FilmReader, FilmWriter, write_film};
 pub use error::FilmError;
 pub use exact::Exact;
 pub use film::Film;
 pub use header::{FilmHeader, FilmKind, FilmView};
 pub use identity::{FilmIdentity, FilmRequest};
+pub use measure::{OctaveError, estimates};
 pub use oocpt_abi::ExactPixel;
-pub use ranges::{MAX_SAMPLES, SampleRange};
+pub use picture::{FilmPicture, picture};
+pub use ranges::{MAX_SAMPLES, SampleRange, missing};

@@ -35,6 +35,21 @@ impl SampleRange {
         u32::BITS - self.begin.leading_zeros()
     }
 
+    /// The samples of an octave.
+    pub(crate) const fn of_octave(octave: u32) -> Self {
+        match octave {
+            0 => Self { begin: 0, end: 1 },
+            1..=31 => Self { begin: 1 << (octave - 1), end: 1 << octave },
+            _ => Self { begin: MAX_SAMPLES, end: MAX_SAMPLES },
+        }
+    }
+
+    /// Whether it has samples, of one octave.
+    pub(crate) const fn is_in_octave(self) -> bool {
+        let octave = Self::of_octave(self.octave());
+        self.begin < self.end && octave.begin <= self.begin && self.end <= octave.end
+    }
+
     /// Its pieces, each in one octave, in ascending order.
     pub fn pieces(self) -> impl Iterator<Item = Self> {
         let mut begin = self.begin;
@@ -46,6 +61,77 @@ impl SampleRange {
             (piece.begin < piece.end).then_some(piece)
         })
     }
+}
+
+/// Ranges in ascending order, joined where they meet; they do not overlap.
+pub(crate) fn joined(ranges: impl IntoIterator<Item = SampleRange>) -> Vec<SampleRange> {
+    let mut all: Vec<SampleRange> = ranges.into_iter().collect();
+    all.sort_unstable();
+    let mut joined: Vec<SampleRange> = Vec::new();
+    for range in all {
+        match joined.last_mut() {
+            Some(last) if last.end == range.begin => last.end = range.end,
+            _ => joined.push(range),
+        }
+    }
+    joined
+}
+
+/// Number of samples of ranges.
+pub(crate) fn samples(ranges: &[SampleRange]) -> u32 {
+    ranges.iter().fold(0, |sum, range| sum.saturating_add(range.samples()))
+}
+
+/// What is missing of samples `0..end`.
+#[must_use]
+pub fn missing(ranges: &[SampleRange], end: u32) -> Vec<SampleRange> {
+    let mut at = 0;
+    let mut holes = Vec::new();
+    for range in joined(ranges.iter().copied()).into_iter().chain([SampleRange::new(end, end)]) {
+        if range.begin.min(end) > at {
+            holes.push(SampleRange::new(at, range.begin.min(end)));
+        }
+        at = at.max(range.end);
+    }
+    holes
+}
+
+/// Samples that two lists have both; each list is in ascending order and does not overlap itself.
+pub(crate) fn overlap(mine: &[SampleRange], its: &[SampleRange]) -> Option<SampleRange> {
+    mine.iter().find_map(|a| {
+        its.iter().find_map(|b| {
+            let (begin, end) = (a.begin.max(b.begin), a.end.min(b.end));
+            (begin < end).then_some(SampleRange { begin, end })
+        })
+    })
+}
+
+/// What is wrong with the samples of planes, if anything: first may be those from sample 0 to the end of an octave, then
+/// come those of single octaves that do not follow them at once.
+pub(crate) fn check(planes: &[Vec<SampleRange>]) -> Result<(), &'static str> {
+    let mut next = 0;
+    for (index, plane) in planes.iter().enumerate() {
+        let Some(first) = plane.first() else { return Err("a plane without samples") };
+        let is_prefix = index == 0 && first.begin == 0;
+        if first.begin < next || joined(plane.iter().copied()) != *plane {
+            return Err("samples of planes are not in ascending order");
+        }
+        for range in plane {
+            let whole = if is_prefix { plane.len() == 1 && range.end.is_power_of_two() } else { range.is_in_octave() };
+            if range.begin >= range.end || range.end > MAX_SAMPLES || range.octave() != first.octave() || !whole {
+                return Err("samples of a plane are not of one octave");
+            }
+        }
+        if index == 1
+            && next > 0
+            && *plane == [SampleRange::new(next, next.saturating_mul(2))]
+            && planes[0][0].begin == 0
+        {
+            return Err("an octave that belongs to the first plane");
+        }
+        next = if is_prefix { first.end } else { SampleRange::of_octave(first.octave()).end };
+    }
+    Ok(())
 }
 
 impl fmt::Display for SampleRange {
