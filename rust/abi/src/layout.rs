@@ -120,5 +120,4 @@ pub const LAYOUTS: &[StructLayout] = &[
     WavefrontCounters::LAYOUT,
     FilmPixel::LAYOUT,
     ErrorSums::LAYOUT,
-    ExactPixel::LAYOUT,
 ];
