@@ -36,6 +36,10 @@ shared! {
 #[allow(clippy::cast_possible_truncation, reason = "small")]
 pub const FILM_PIXEL_BYTES: u32 = size_of::<FilmPixel>() as u32;
 
+/// Bytes of an [`ErrorSums`].
+#[allow(clippy::cast_possible_truncation, reason = "small")]
+pub const ERROR_SUMS_BYTES: u32 = size_of::<ErrorSums>() as u32;
+
 /// Largest number of workgroups of `measure_error`.
 pub const ERROR_GROUPS: u32 = 1024;
 

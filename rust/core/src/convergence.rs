@@ -76,7 +76,7 @@ pub struct ErrorEstimate {
 }
 
 /// Mean and covariance of (`ln R`, slope of `ln G` downwards in units of `ln 2`).
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct FilterState {
     log_ratio: f64,
     slope: f64,
@@ -85,7 +85,7 @@ struct FilterState {
 }
 
 /// Follows one render through the octaves.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ConvergenceEstimator {
     /// The last octave, and the filter's state after it.
     last: Option<(u32, FilterState)>,

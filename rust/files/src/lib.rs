@@ -12,6 +12,7 @@ use std::fs::{File, FileType, OpenOptions};
 use std::io::{Error, ErrorKind, Read as _, Result, Write as _};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::Duration;
 
 /// Opens a file to be read.
 ///
@@ -75,6 +76,27 @@ pub fn replace_by(path: &Path, write: impl FnOnce(File) -> Result<()>) -> Result
         let _removed = std::fs::remove_file(&beside);
     }
     done
+}
+
+/// Removes what processes that were killed have left of writing this file, if it was not changed for so long: one that
+/// is being written is. Nothing is said of a file that cannot be removed.
+pub fn remove_stale(path: &Path, age: Duration) {
+    let path = std::fs::canonicalize(path).unwrap_or_else(|_not_there| path.to_path_buf());
+    let (Some(folder), Some(name)) = (path.parent(), path.file_name().and_then(|name| name.to_str())) else { return };
+    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    let is_ours = |entry: &str| {
+        let middle = entry.strip_prefix(name).and_then(|rest| rest.strip_prefix('.')?.strip_suffix(".tmp"));
+        let numbers = middle.and_then(|middle| middle.split_once('-'));
+        let is_number = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
+        numbers.is_some_and(|(process, count)| is_number(process) && is_number(count))
+    };
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    for entry in entries.filter(|entry| entry.file_name().to_str().is_some_and(is_ours)) {
+        let changed = entry.metadata().and_then(|metadata| metadata.modified());
+        if changed.is_ok_and(|changed| changed.elapsed().is_ok_and(|since| since >= age)) {
+            let _removed = std::fs::remove_file(entry.path());
+        }
+    }
 }
 
 /// A name in the same folder that no other call, thread or process uses.

@@ -44,7 +44,7 @@ impl RenderAsk {
 
     fn job(self, scene: CommittedScene, generation: u64, goes_on: bool) -> Arc<RenderJob> {
         let Self { request, settings, options, images, files } = self;
-        let CommittedScene { snapshot, primvars, meshes_made, fixed_host_bytes } = scene;
+        let CommittedScene { snapshot, primvars, identity, meshes_made, fixed_host_bytes } = scene;
         Arc::new(RenderJob {
             snapshot,
             request,
@@ -53,6 +53,7 @@ impl RenderAsk {
             images,
             files,
             primvars,
+            scene: identity,
             meshes_made,
             fixed_host_bytes,
             goes_on,
@@ -67,6 +68,8 @@ pub(crate) struct CommittedScene {
     pub(crate) snapshot: Arc<Snapshot>,
     /// The scene's primvars, and whether each is used.
     pub(crate) primvars: Arc<[PrimvarUse]>,
+    /// Hash of the scene, if something is to be known by it.
+    pub(crate) identity: Option<u128>,
     /// Meshes that the session has built so far.
     pub(crate) meshes_made: u64,
     /// Bytes of host memory that can be put nowhere else; 0 where there is no budget of it.
@@ -78,6 +81,7 @@ impl CommittedScene {
         Self {
             snapshot: Arc::clone(&job.snapshot),
             primvars: Arc::clone(&job.primvars),
+            identity: job.scene,
             meshes_made: job.meshes_made,
             fixed_host_bytes: job.fixed_host_bytes,
         }
@@ -332,7 +336,8 @@ mod tests {
     fn a_request_that_comes_with_edits_waits_for_their_commit_a_little_and_others_do_not() {
         let files: Arc<dyn LightFiles> = Arc::new(NoFiles);
         let snapshot = SceneDb::new().commit().snapshot;
-        let scene = CommittedScene { snapshot, primvars: Vec::new().into(), meshes_made: 0, fixed_host_bytes: 0 };
+        let primvars = Vec::new().into();
+        let scene = CommittedScene { snapshot, primvars, identity: None, meshes_made: 0, fixed_host_bytes: 0 };
         let mut control = RenderControl::default();
         commit(&mut control, &scene, ask(1, &files));
         assert_eq!(control.generation, 1, "one job");

@@ -116,8 +116,8 @@ impl<'a, 'r> StreamingStage<'a, 'r> {
     fn open(&mut self, progress: &FrameProgress<'_>) {
         if self.kind == PathKind::Samples {
             self.segments.open_to(progress.open_paths());
-            self.segments
-                .cut_at(self.streamer.tracer.context.film.adaptive().map_or_else(Vec::new, AdaptiveBuffers::cuts));
+            let film = self.streamer.tracer.context.film;
+            self.segments.cut_at(film.adaptive().map_or_else(|| film.octave_cuts(), AdaptiveBuffers::cuts));
         }
     }
 

@@ -7,6 +7,7 @@ mod adaptive;
 mod against_judge;
 mod bounce_kinds;
 mod bsdf;
+mod checkpoints;
 mod clipping;
 mod commits;
 mod control;
