@@ -14,6 +14,7 @@ import pytest
 import compare
 import exr
 import small
+import test_nonfinite_samples
 from test_interrupt import Running, is_running
 
 SCENE = small.FOLDER / "nested.usda"
@@ -27,22 +28,22 @@ WAYS = {
 }
 
 
-def words(out, film, samples, *flags):
+def words(out, film, samples, *flags, scene=SCENE, camera="/World/Camera"):
     kept = ["--checkpoint", film, "--set", "checkpointInterval=0"] if film else []
     return [
-        "usdrecord", "--disableGpu", "--disableCameraLight", "--camera", "/World/Camera", "--imageWidth", "64",
-        "--samples", str(samples), *kept, *flags, SCENE, out,
+        "usdrecord", "--disableGpu", "--disableCameraLight", "--camera", camera, "--imageWidth", "64",
+        "--samples", str(samples), *kept, *flags, scene, out,
     ]  # fmt: skip
 
 
-def record(folder, film, samples, *flags, limits=None, **environment):
-    """The picture, its `oocpt:` attributes, and the lines on standard error."""
+def record(folder, film, samples, *flags, limits=None, of=None, **environment):
+    """The picture, its `oocpt:` attributes, and the lines on standard error; `of`: scene and camera."""
     out = folder / "out.exr"
     out.unlink(missing_ok=True)
     variables = dict(os.environ, OOCPT_MAX_BOUNCES="2") | environment
     variables.pop("PYTHONPATH", None)
     done = subprocess.run(
-        [*map(str, words(out, film, samples, *flags))], env=variables, cwd=folder, stdin=subprocess.DEVNULL,
+        [*map(str, words(out, film, samples, *flags, **of or {}))], env=variables, cwd=folder, stdin=subprocess.DEVNULL,
         capture_output=True, text=True, timeout=300, check=False, preexec_fn=limits,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
@@ -60,8 +61,8 @@ def error(told):
 def start(tmp_path):
     running = []
 
-    def begin(film, *flags, **environment):
-        line = words(tmp_path / "killed.exr", film, MANY, *flags)
+    def begin(film, *flags, of=None, **environment):
+        line = words(tmp_path / "killed.exr", film, MANY, *flags, **of or {})
         running.append(Running(tmp_path, *line, **{"OOCPT_MAX_BOUNCES": "2"} | environment))
         return running[-1]
 
@@ -99,6 +100,23 @@ def test_a_render_that_is_killed_goes_on_to_the_same_bits(start, tmp_path, way):
     compare.same_bits(picture, at_once, f"after kills at {times}, {samples} samples")
     assert error(told) == error(expected) and told["oocpt:samples"] == samples, "the error too"
     assert told["oocpt:rays"] < expected["oocpt:rays"], "not all was traced again"
+
+
+def test_samples_that_are_not_finite_are_counted_once(start, tmp_path):
+    scene, film = tmp_path / "scene.usda", tmp_path / "film"
+    scene.write_text(test_nonfinite_samples.SCENE.format(intensity="3e38"))
+    of = {"scene": scene, "camera": "/Cam"}
+    run = start(film, of=of)
+    wait_for_file(run, film)
+    run.process.kill()
+    run.process.wait()
+    _, told, _ = record(tmp_path, film, MANY, "--time-limit", "0.001", of=of)
+    samples = int(told["oocpt:samples"]) + 1
+    picture, _, said = record(tmp_path, film, samples, of=of)
+    at_once, _, expected = record(tmp_path, None, samples, of=of)
+    compare.same_bits(picture, at_once, f"{samples} samples")
+    told = [[line for line in lines if test_nonfinite_samples.MESSAGE in line] for lines in (said, expected)]
+    assert told[0] == told[1] and len(told[0]) == 1, told
 
 
 def test_signals_make_checkpoints(start, tmp_path):
