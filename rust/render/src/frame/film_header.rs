@@ -28,6 +28,11 @@ fn camera_text(camera: &Camera) -> String {
     format!("at {x}, {y}, {z} ({:016x})", xxh3_64(format!("{plain:?}").as_bytes()))
 }
 
+/// A device in words.
+pub(crate) fn device_text(device: &DeviceReport) -> String {
+    format!("{} ({})", device.name, device.driver)
+}
+
 /// What the film of a job says of itself before it has samples.
 pub(crate) fn film_header(job: &RenderJob, device: &DeviceReport) -> FilmHeader {
     let (request, part) = (&job.request, job.request.part());
@@ -48,6 +53,6 @@ pub(crate) fn film_header(job: &RenderJob, device: &DeviceReport) -> FilmHeader 
         clear_color: clear.map_or([0.0; 4], |aov| aov.clear),
         error_floor: error_floor(exposure),
     };
-    let devices = [format!("{} ({})", device.name, device.driver)].into();
+    let devices = [device_text(device)].into();
     FilmHeader { identity, view, devices, ..FilmHeader::default() }
 }

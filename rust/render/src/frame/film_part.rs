@@ -3,23 +3,27 @@
 //!
 //! Beside the plain film the device keeps an `ExactPixel` for each pixel. Each octave of samples has sums of its own
 //! (the error is measured at their ends): where one ends nothing is under way, its records are copied to the host, and
-//! begin again from nothing. The file is written when the render ends; one that was given up has the octaves that are
+//! begin again from nothing. The file is written when the render ends, and where an octave does if that is later than the
+//! interval of checkpoints: a render that was killed goes on from there. One that was given up has the octaves that are
 //! whole, and the last one if no pixel has more samples of it than another. Render thread only.
 
 use crate::error::RenderError;
 use crate::film::Film;
-use crate::frame::film_header::film_header;
+use crate::frame::film_header::{device_text, film_header};
 use crate::frame::film_transfer::FilmTransfer;
 use crate::job::RenderJob;
 use crate::job::request::Severity;
 use crate::job::shared::SharedState;
 use oocpt_abi::ExactPixel;
 use oocpt_core::pixel_filter::PixelFilterKind;
-use oocpt_film::{FilmError, FilmHeader, FilmKind, SampleRange};
+use oocpt_film::{FilmError, FilmHeader, FilmKind, FilmReader, SampleRange};
 use oocpt_gpu::Gpu;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
+
+/// Temporary files of processes that were killed are removed after so long without a change.
+pub(crate) const STALE: Duration = Duration::from_secs(600);
 
 /// What forbids a film part of a job that asks for one, in words.
 fn obstacle(job: &RenderJob) -> Option<&'static str> {
@@ -60,23 +64,53 @@ pub(crate) struct FilmPart {
     film: oocpt_film::Film,
     transfer: FilmTransfer,
     gpu: Arc<Gpu>,
-    /// First sample of the records on the device.
+    /// Samples that are to be rendered, and the first of the records on the device.
+    end: u32,
     begin: u32,
-    started: Instant,
+    interval: Duration,
+    next: Instant,
+    /// Since when the file knows of no time.
+    noted: Instant,
+    /// Samples that are not finite, of which the file knows.
+    nonfinite: u64,
 }
 
 impl FilmPart {
-    /// A part of `job` without samples, whose first is to be `begin`.
-    pub(crate) fn new(job: &RenderJob, gpu: &Arc<Gpu>, begin: u32) -> Result<Self, RenderError> {
+    /// The part of `job`: that of its file, if it was not finished, or one without samples.
+    pub(crate) fn new(job: &RenderJob, gpu: &Arc<Gpu>) -> Result<Self, RenderError> {
+        let settings = &job.settings;
+        let path = PathBuf::from(&settings.film_part);
+        oocpt_files::remove_stale(&path, STALE);
         let header = FilmHeader { kind: FilmKind::Exact, ..film_header(job, gpu.report()) };
+        let (first, end) = (settings.span.begin, settings.samples_per_pixel);
+        let film = match unfinished(&path, &header, first, end) {
+            Some(film) => film,
+            None => oocpt_film::Film::new(header).map_err(internal)?,
+        };
+        let interval = Duration::try_from_secs_f32(settings.checkpoint_secs).unwrap_or(Duration::MAX);
+        let now = Instant::now();
         Ok(Self {
-            path: PathBuf::from(&job.settings.film_part),
-            film: oocpt_film::Film::new(header).map_err(internal)?,
+            path,
+            begin: film.header().samples().last().map_or(first, |range| range.end),
+            film,
             transfer: FilmTransfer::new(gpu)?,
             gpu: Arc::clone(gpu),
-            begin,
-            started: Instant::now(),
+            end,
+            interval,
+            next: now.checked_add(interval).unwrap_or(now),
+            noted: now,
+            nonfinite: 0,
         })
+    }
+
+    /// The first sample that the file does not have.
+    pub(crate) fn begin(&self) -> u32 {
+        self.begin
+    }
+
+    /// Whether the file is to be written at the end of an octave.
+    pub(crate) fn is_due(&self) -> bool {
+        self.begin < self.end && Instant::now() >= self.next
     }
 
     /// Takes the records of samples before `end`, which are those of whole samples of one octave, off the device.
@@ -95,34 +129,36 @@ impl FilmPart {
         Ok(())
     }
 
-    /// Writes the file.
+    /// Writes the file; `nonfinite` samples of this render were not finite.
     pub(crate) fn write(&mut self, shared: &SharedState, nonfinite: u64) {
-        let millis = u64::try_from(self.started.elapsed().as_millis()).unwrap_or(u64::MAX);
-        let peak = self.gpu.memory().peak;
-        self.film.note(|header| {
-            header.nonfinite = nonfinite;
-            header.milliseconds = millis;
-            header.device_bytes = peak;
-        });
+        let began = Instant::now();
+        let millis = u64::try_from(began.duration_since(self.noted).as_millis()).unwrap_or(u64::MAX);
+        let since = nonfinite.saturating_sub(self.nonfinite);
+        self.film.note(since, millis, self.gpu.memory().peak, &device_text(self.gpu.report()));
+        (self.noted, self.nonfinite) = (began, nonfinite);
         if let Err(error) = self.film.write(&self.path) {
             complain(shared, &error.to_string());
         }
+        let now = Instant::now();
+        self.next = now.checked_add(self.interval).unwrap_or(now);
     }
 
-    /// What of the samples before `end`, in words, is not in the file.
-    pub(crate) fn lacks(&self, end: u32) -> Option<String> {
-        (self.begin < end).then(|| {
+    /// Tells if the file does not have all samples.
+    pub(crate) fn tell(&self, shared: &SharedState) {
+        if self.begin < self.end {
             let first = self.film.header().samples().first().map_or(self.begin, |range| range.begin);
-            format!("it ended early: the film has samples {first}..{} of each pixel", self.begin)
-        })
-    }
-
-    /// Tells that the file does not have all samples.
-    pub(crate) fn tell(&self, shared: &SharedState, end: u32) {
-        if let Some(text) = self.lacks(end) {
+            let text = format!("it ended early: the film has samples {first}..{} of each pixel", self.begin);
             shared.report(Severity::Warning, format!("oocpt:filmPart: {text}"));
         }
     }
+}
+
+/// The film of a file, if it is a part of the same one with the first of these samples, and not all.
+fn unfinished(path: &Path, header: &FilmHeader, first: u32, end: u32) -> Option<oocpt_film::Film> {
+    let found = FilmReader::open(path).ok()?.header().clone();
+    let [range] = *found.samples() else { return None };
+    let serves = found.differences(header).is_empty() && range.begin == first && range.end < end;
+    serves.then(|| oocpt_film::Film::read(path, u64::MAX).ok()).flatten()
 }
 
 fn internal(error: FilmError) -> RenderError {

@@ -191,7 +191,7 @@ impl<'a> FrameProgress<'a> {
         film: &Film,
         is_empty: bool,
     ) -> Result<(), RenderError> {
-        // An attempt before this one has told what is wrong.
+        self.checkpoints = None; // of an attempt before this one: its last file is finished
         let Some(checkpoints) = Checkpoints::of(self.shared, job, gpu, film) else { return Ok(()) };
         let restored = checkpoints.restored(self.shared, job, film, is_empty)?;
         if let Some((checkpoints, kept)) = restored {
@@ -233,22 +233,27 @@ impl<'a> FrameProgress<'a> {
 
     /// Begins with the first sample of the span that `job` asks for, and a part of a film if the film has sums for it.
     pub(crate) fn begin_part(&mut self, job: &RenderJob, gpu: &Arc<Gpu>, film: &Film) -> Result<(), RenderError> {
-        self.first_sample = job.settings.span.begin;
         let Some(records) = film.records() else { return Ok(()) };
+        self.part = film.has_exact_sums().then(|| FilmPart::new(job, gpu)).transpose()?;
+        self.first_sample = self.part.as_ref().map_or(job.settings.span.begin, FilmPart::begin);
         if self.first_sample > 0 {
             FilmTransfer::new(gpu)?.clear(records, 0..records.size())?;
             self.done = self.pixels * u64::from(self.first_sample);
             (self.kept, self.lacks_planes) = (Some(self.done), true);
         }
-        self.part =
-            film.has_exact_sums().then(|| FilmPart::new(job, gpu, self.first_sample)).transpose()?;
         Ok(())
     }
 
     /// Takes the sums of the octave that is done; nothing is under way.
     pub(crate) fn take_part(&mut self, film: &Film) -> Result<(), RenderError> {
         let end = self.samples_done();
-        self.part.as_mut().map_or(Ok(()), |part| part.take(film, end))
+        let Some(part) = &mut self.part else { return Ok(()) };
+        part.take(film, end)?;
+        if part.is_due() {
+            // What is not finite is counted at the end of this process: a few more or less change no sample.
+            part.write(self.shared, 0);
+        }
+        Ok(())
     }
 
     /// Writes the part of the film.
@@ -259,7 +264,7 @@ impl<'a> FrameProgress<'a> {
         }
         let nonfinite = lock(&self.shared.stats).nonfinite_samples;
         part.write(self.shared, nonfinite);
-        part.tell(self.shared, self.samples);
+        part.tell(self.shared);
         Ok(())
     }
 

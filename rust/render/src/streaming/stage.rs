@@ -255,7 +255,7 @@ impl PathSource for StreamingStage<'_, '_> {
         let buffers = self.streamer.buffers;
         let slots = buffers.paths.capacity;
         self.kind = kind;
-        let first = self.first.unwrap_or(0);
+        let first = self.first.filter(|_| kind == PathKind::Samples).unwrap_or(0);
         self.segments = SegmentQueue::new(buffers.ended.segment_count, buffers.ended.segment_size, slots, total)
             .begin_at(first.min(total));
         self.most_paths = (total - first.min(total)).min(u64::from(slots));

@@ -14,16 +14,16 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// A folder for one test, removed at the end.
-struct Folder(PathBuf);
+pub(crate) struct Folder(PathBuf);
 
 impl Folder {
-    fn new(name: &str) -> Self {
+    pub(crate) fn new(name: &str) -> Self {
         let folder = std::env::temp_dir().join(format!("oocpt-checkpoints-{name}-{}", std::process::id()));
         std::fs::create_dir_all(&folder).expect("a temporary folder");
         Self(folder)
     }
 
-    fn file(&self, name: &str) -> PathBuf {
+    pub(crate) fn file(&self, name: &str) -> PathBuf {
         self.0.join(name)
     }
 }
@@ -34,11 +34,11 @@ impl Drop for Folder {
     }
 }
 
-fn view() -> RenderRequest {
+pub(crate) fn view() -> RenderRequest {
     request(perspective(DVec3::new(3.0, 4.0, 6.0), DVec3::new(0.0, 0.5, 0.0), 0.7, [45, 31]))
 }
 
-fn open(build: fn(&mut SceneDb), settings: Settings, streams: bool) -> Session {
+pub(crate) fn open(build: fn(&mut SceneDb), settings: Settings, streams: bool) -> Session {
     let options = SessionOptions { validation: true, force_streaming: streams, ..SessionOptions::default() };
     let session = Session::with_options(settings, options);
     session.with_scene(build);
@@ -50,7 +50,7 @@ fn with_file(settings: &Settings, samples: u32, file: &Path) -> Settings {
     Settings { checkpoint, checkpoint_secs: 0.0, samples_per_pixel: samples, ..settings.clone() }
 }
 
-fn by(traversal: TraversalKind) -> Settings {
+pub(crate) fn by(traversal: TraversalKind) -> Settings {
     Settings { traversal, chunk_size_kib: 16, ..settings(1, 3) }
 }
 

@@ -23,6 +23,7 @@ mod features;
 mod first_picture;
 mod furnace;
 mod glass_furnace;
+mod film_parts;
 mod going_on;
 mod last_bounce;
 mod lights;

@@ -16,6 +16,7 @@ mod state;
 use crate::error::RenderError;
 use crate::film::Film;
 use crate::frame::film_header::film_header;
+use crate::frame::film_part::STALE;
 use crate::frame::film_transfer::FilmTransfer;
 use crate::frame::kept_samples::KeptSamples;
 use crate::job::RenderJob;
@@ -34,8 +35,6 @@ use std::time::{Duration, Instant};
 const FIRST: Duration = Duration::from_secs(5);
 /// Copying the film takes at most such a share of the time.
 const COPYING_SHARE: u32 = 16;
-/// Temporary files of processes that were killed are removed after so long without a change.
-const STALE: Duration = Duration::from_secs(600);
 /// Blocks of the file.
 const STATE: &str = "state";
 const FILM: &str = "film";
@@ -275,13 +274,26 @@ impl Checkpoints {
     }
 }
 
-/// Whether these are records of so many pixels with the samples of so many paths.
+/// Whether these are records of so many pixels with the samples of so many paths, in whatever order paths take pixels.
 fn has_samples(records: &[u8], pixels: u64, paths: u64) -> bool {
     let (each, more) = (paths / pixels.max(1), paths % pixels.max(1));
-    let samples = |record: &[u8]| u64::from(bytemuck::pod_read_unaligned::<FilmPixel>(record).samples);
     let records = records.chunks_exact(size_of::<FilmPixel>());
-    records.len() as u64 == pixels
-        && records.zip(0_u64..).all(|(record, pixel)| samples(record) == each + u64::from(pixel < more))
+    let count = records.len() as u64;
+    let beyond = records.map(|record| {
+        let samples = u64::from(bytemuck::pod_read_unaligned::<FilmPixel>(record).samples);
+        samples.checked_sub(each).filter(|beyond| *beyond < 2)
+    });
+    // None where a pixel has fewer samples than all, or two more.
+    count == pixels && beyond.sum::<Option<u64>>() == Some(more)
+}
+
+impl Drop for Checkpoints {
+    /// A file that is being written is finished, also after an error.
+    fn drop(&mut self) {
+        if self.writer.take().is_some_and(|writer| writer.join().is_err()) {
+            tracing::error!("the thread of a checkpoint has panicked");
+        }
+    }
 }
 
 fn write_file(path: &Path, header: &FilmHeader, state: &EngineState, records: &[u8]) -> Result<(), FilmError> {
