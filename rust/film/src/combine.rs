@@ -97,7 +97,7 @@ impl Combination {
             for (slot, plane) in slots.iter().zip(&part.file().header().planes) {
                 ranges[*slot].extend(plane);
                 if *slot == 0 {
-                    errors = part.errors()?;
+                    errors = part.file().errors()?;
                 }
             }
         }

@@ -61,21 +61,6 @@ impl PlaneReader {
         &self.reader
     }
 
-    /// The errors at the octaves of the first plane.
-    pub(crate) fn errors(&self) -> Result<Vec<OctaveError>, FilmError> {
-        let wrong = |what: &str| FilmError::damaged(self.reader.path(), what);
-        let bytes = self.reader.block(ERRORS, LONGEST_ERRORS)?;
-        let errors: Vec<OctaveError> =
-            serde_json::from_slice(&bytes).map_err(|_wrong| wrong("its errors cannot be read"))?;
-        let whole = self.reader.header().whole();
-        let octaves = (1..32).map(|octave| 1_u32 << octave).take_while(|samples| *samples <= whole);
-        if octaves.eq(errors.iter().map(|error| error.samples)) {
-            Ok(errors)
-        } else {
-            Err(wrong("its errors are not those of its octaves"))
-        }
-    }
-
     /// Reads the next tiles: of each plane, the pixels.
     pub(crate) fn read(&mut self, tiles: usize) -> Result<Vec<Vec<ExactPixel>>, FilmError> {
         let planes = self.samples.len();
@@ -101,6 +86,28 @@ impl PlaneReader {
             all[index % planes].extend_from_slice(&tile);
         }
         Ok(all)
+    }
+}
+
+impl FilmReader {
+    /// The errors at powers of two of the samples, as far as the film has all from sample 0 on; empty for checkpoints.
+    ///
+    /// # Errors
+    /// [`FilmError`].
+    pub fn errors(&self) -> Result<Vec<OctaveError>, FilmError> {
+        if self.header().whole() == 0 {
+            return Ok(Vec::new());
+        }
+        let wrong = |what: &str| FilmError::damaged(self.path(), what);
+        let bytes = self.block(ERRORS, LONGEST_ERRORS)?;
+        let errors: Vec<OctaveError> =
+            serde_json::from_slice(&bytes).map_err(|_wrong| wrong("its errors cannot be read"))?;
+        let octaves = (1..32).map(|octave| 1_u32 << octave).take_while(|samples| *samples <= self.header().whole());
+        if octaves.eq(errors.iter().map(|error| error.samples)) {
+            Ok(errors)
+        } else {
+            Err(wrong("its errors are not those of its octaves"))
+        }
     }
 }
 

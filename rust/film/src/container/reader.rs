@@ -205,13 +205,33 @@ impl FilmReader {
         let found = self.find(name);
         let (head, position) =
             found.ok_or_else(|| FilmError::Missing(self.path.clone(), format!("no block {name}")))?;
-        Ok(ChunkReader {
+        Ok(self.chunks_of(&head, position))
+    }
+
+    fn chunks_of(&self, head: &BlockHead, position: u64) -> ChunkReader {
+        ChunkReader {
             path: self.path.clone(),
             hash: self.hash,
             position,
             left: [head.packed, head.raw],
             stride: head.stride as usize,
-        })
+        }
+    }
+
+    /// Reads all of the file and compares its checksums.
+    ///
+    /// # Errors
+    /// [`FilmError::Damaged`], [`FilmError::File`].
+    pub fn verify(&self) -> Result<(), FilmError> {
+        for (head, position) in &self.blocks {
+            let mut chunks = self.chunks_of(head, *position);
+            while !chunks.is_at_end() {
+                for chunk in chunks.read(1)? {
+                    chunks.unpack(&chunk)?;
+                }
+            }
+        }
+        Ok(())
     }
 
     /// The bytes of a block, which are those that were written.
