@@ -210,3 +210,11 @@ fn variance_is_that_of_the_samples() {
     }
     assert_eq!(ExactPixel::default().variance_of_mean(), [0.0; 3]);
 }
+
+#[test]
+fn a_sum_is_rounded_once() {
+    // Half of the last bit of 2^69, and a little more: limb by limb it would be lost.
+    let large = 2.0_f32.powi(69);
+    let sum = record(&[[large; 4], [65536.0; 4], [1.0 / 32.0; 4]]).sums()[0];
+    assert_eq!(sum, f64::from(large) + 131_072.0);
+}

@@ -147,6 +147,56 @@ fn resealing_is_the_format() {
     read(&path).expect("a film of another scene");
 }
 
+#[test]
+fn pixels_that_no_samples_give_are_refused() {
+    let folder = Folder::new("pixels");
+    let (whole, path) = (small(&folder), folder.path("film"));
+    let chunk = 32 + u32_at(&whole, 12).expect("whole") + 48;
+    // Behind the chunk's other lanes: the highest byte of `lowest`, and `samples`, which all pixels have alike.
+    let end = chunk + 16 + u32_at(&whole, chunk + 4).expect("whole");
+    assert_eq!(whole[end - 5..end], [0, 4, 0, 0, 0], "samples 0..4");
+    for (at, value) in [(end - 4, 5), (end - 5, 1)] {
+        let mut bent = whole.clone();
+        bent[at] = value;
+        assert_eq!(reseal(&mut bent), Some(()));
+        std::fs::write(&path, &bent).expect("it can be written");
+        let said = read(&path).expect_err("no samples give that").to_string();
+        assert!(said.ends_with("film: damaged: pixels are not what its samples give"), "{said}");
+    }
+}
+
+#[test]
+fn parts_of_one_file_do_not_pass_for_parts_of_another() {
+    let folder = Folder::new("swapped");
+    let path = folder.path("film");
+    // Two tiles, whose chunks have one length.
+    let written = |scene: &str| {
+        let mut header = header([128, 64]);
+        header.identity.scene = scene.to_owned();
+        let mut film = Film::new(header).expect("a sound header");
+        let pixel = |value: f32| {
+            let mut pixel = oocpt_film::ExactPixel::default();
+            oocpt_film::Exact::add_sample(&mut pixel, [value; 4]);
+            pixel
+        };
+        film.add(SampleRange::new(0, 1), [vec![pixel(0.5); 4096], vec![pixel(0.25); 4096]].concat()).expect("it fits");
+        film.write(&path).expect("it can be written");
+        bytes(&path)
+    };
+    let (one, other) = (written("a"), written("b"));
+    let first = 32 + u32_at(&one, 12).expect("whole") + 48;
+    let length = 16 + u32_at(&one, first + 4).expect("whole");
+    let mut swapped = one.clone();
+    swapped[first..first + 2 * length].rotate_left(length);
+    let mut mixed = one.clone();
+    mixed[first..].copy_from_slice(&other[first..]);
+    for bent in [swapped, mixed] {
+        assert!(bent != one && bent.len() == one.len(), "chunks of one length");
+        std::fs::write(&path, &bent).expect("it can be written");
+        assert!(matches!(read(&path), Err(FilmError::Damaged(..))), "checksums are of a place in a file");
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(3000))]
 
