@@ -117,19 +117,32 @@ mod tests {
         let line = Line::try_parse_from([&["render"], line].concat())?;
         let command = command(&line.arguments)?;
         let words = command.get_args().map(|word| word.to_string_lossy().into_owned());
-        let variables = command.get_envs().filter_map(|(name, value)| {
-            Some(format!("{}={}", name.to_string_lossy(), value?.to_string_lossy()))
-        });
+        let variables = command
+            .get_envs()
+            .filter_map(|(name, value)| Some(format!("{}={}", name.to_string_lossy(), value?.to_string_lossy())));
         Ok(words.chain(variables).collect())
     }
 
     #[test]
     fn a_part_is_what_a_host_renders_with_these_settings() {
-        let line = ["/s.usda", "--samples", "3..8", "--out", "/p", "--width", "64", "--camera", "/C", "--set", "seed=7"];
+        let line =
+            ["/s.usda", "--samples", "3..8", "--out", "/p", "--width", "64", "--camera", "/C", "--set", "seed=7"];
         let told = words(&[&line[..], &["--", "--disableCameraLight"]].concat()).expect("a command");
         let expected = [
-            "--renderer", "OocPT", "--disableGpu", "--imageWidth", "64", "--camera", "/C", "--set", "seed=7",
-            "--disableCameraLight", "/s.usda", "/p.exr", "OOCPT_FILM_PART=/p", "OOCPT_SAMPLE_RANGE=3..8",
+            "--renderer",
+            "OocPT",
+            "--disableGpu",
+            "--imageWidth",
+            "64",
+            "--camera",
+            "/C",
+            "--set",
+            "seed=7",
+            "--disableCameraLight",
+            "/s.usda",
+            "/p.exr",
+            "OOCPT_FILM_PART=/p",
+            "OOCPT_SAMPLE_RANGE=3..8",
         ];
         assert_eq!(told, expected);
     }

@@ -64,12 +64,7 @@ fn told(row: Option<ErrorRow>) -> ToldError {
 }
 
 /// Pictures and error of a render that was never stopped.
-fn at_once(
-    build: fn(&mut SceneDb),
-    settings: &Settings,
-    samples: u32,
-    streams: bool,
-) -> (Vec<Vec<u8>>, ToldError) {
+fn at_once(build: fn(&mut SceneDb), settings: &Settings, samples: u32, streams: bool) -> (Vec<Vec<u8>>, ToldError) {
     let session = open(build, Settings { samples_per_pixel: samples, ..settings.clone() }, streams);
     render(&session, &view());
     (read_all(&session, &view()), told(session.stats().error))
@@ -192,6 +187,9 @@ fn a_render_that_is_stopped_keeps_what_it_has() {
     assert_eq!(resumed.stats().samples_kept, done, "all that was done");
 }
 
+/// What is told, and the scene, settings and request of a render that finds the file of another.
+type ForeignCase = (&'static str, fn(&mut SceneDb), Settings, RenderRequest);
+
 #[test]
 fn another_film_is_left_alone_and_told_by_name() {
     let folder = Folder::new("foreign");
@@ -207,7 +205,7 @@ fn another_film_is_left_alone_and_told_by_name() {
         nested(db);
         db.upsert_light(sun(1.0, 3.0, DMat4::IDENTITY));
     };
-    let cases: [(&str, fn(&mut SceneDb), Settings, RenderRequest); 7] = [
+    let cases: [ForeignCase; 7] = [
         ("oocpt:seed: 0 and 7", nested, Settings { seed: 7, ..plain.clone() }, view()),
         ("oocpt:maxBounces: 3 and 2", nested, Settings { max_bounces: 2, ..plain.clone() }, view()),
         ("camera: at ", nested, plain.clone(), moved),
@@ -264,7 +262,8 @@ fn crafted_files_are_left_alone() {
         film
     };
     let paths = 2 * view().pixels();
-    let told = |paths: &str| state.replace(&format!("\"paths\":{}", 2 * view().pixels()), &format!("\"paths\":{paths}"));
+    let told =
+        |paths: &str| state.replace(&format!("\"paths\":{}", 2 * view().pixels()), &format!("\"paths\":{paths}"));
     let cases = [
         (state.clone(), one_more(&film), "other numbers of samples"),
         (state.clone(), film[80..].to_vec(), "other numbers of samples"),

@@ -92,6 +92,7 @@ fn the_devices_exact_sums_are_those_of_the_host() {
     }
     // Paths take pixels in an order of their own; the numbers are sums of one limb.
     let numbers: Vec<[f32; 4]> = (0..PIXELS).map(|path| [path as f32; 4]).collect();
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small whole numbers")]
     let order: Vec<usize> = sums(&gpu, &numbers, &[PIXELS]).iter().map(|sum| sum.mean()[0] as usize).collect();
     let mut by_path = vec![ExactPixel::zeroed(); PIXELS as usize];
     for (sample, at) in samples.iter().zip((0..PIXELS as usize).cycle()) {
