@@ -4,7 +4,7 @@ never stopped; signals; files that are another's, damaged or cannot be written."
 
 import os
 import random
-import resource
+import shlex
 import signal
 import subprocess
 
@@ -14,6 +14,7 @@ import pytest
 import compare
 import exr
 import small
+import test_nonfinite_samples
 from test_interrupt import Running, is_running
 
 SCENE = small.FOLDER / "nested.usda"
@@ -27,28 +28,28 @@ WAYS = {
 }
 
 
-def words(out, film, samples, *flags):
+def words(out, film, samples, *flags, scene=SCENE, camera="/World/Camera"):
     kept = ["--checkpoint", film, "--set", "checkpointInterval=0"] if film else []
     return [
-        "usdrecord", "--disableGpu", "--disableCameraLight", "--camera", "/World/Camera", "--imageWidth", "64",
-        "--samples", str(samples), *kept, *flags, SCENE, out,
+        "usdrecord", "--disableGpu", "--disableCameraLight", "--camera", camera, "--imageWidth", "64",
+        "--samples", str(samples), *kept, *flags, scene, out,
     ]  # fmt: skip
 
 
-def record(folder, film, samples, *flags, limits=None, **environment):
-    """The picture, its `oocpt:` attributes, and the lines on standard error."""
+def record(folder, film, samples, *flags, of=None, **environment):
+    """The picture, its `oocpt:` attributes, and the lines on standard error; `of`: scene and camera."""
     out = folder / "out.exr"
     out.unlink(missing_ok=True)
     variables = dict(os.environ, OOCPT_MAX_BOUNCES="2") | environment
     variables.pop("PYTHONPATH", None)
     done = subprocess.run(
-        [*map(str, words(out, film, samples, *flags))], env=variables, cwd=folder, stdin=subprocess.DEVNULL,
-        capture_output=True, text=True, timeout=300, check=False, preexec_fn=limits,
+        [*map(str, words(out, film, samples, *flags, **of or {}))], env=variables, cwd=folder, stdin=subprocess.DEVNULL,
+        capture_output=True, text=True, timeout=300, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     with OpenEXR.File(str(out)) as file:
-        header = file.header()
-    told = {name: header[name] for name in header if name.startswith("oocpt:")}
+        told = {name: value for name, value in file.header().items() if name.startswith("oocpt:")}
+        told = {name: value if isinstance(value, str) else float(value[0]) for name, value in told.items()}
     return exr.read(out), told, done.stderr.splitlines()
 
 
@@ -60,8 +61,8 @@ def error(told):
 def start(tmp_path):
     running = []
 
-    def begin(film, *flags, **environment):
-        line = words(tmp_path / "killed.exr", film, MANY, *flags)
+    def begin(film, *flags, of=None, **environment):
+        line = words(tmp_path / "killed.exr", film, MANY, *flags, **of or {})
         running.append(Running(tmp_path, *line, **{"OOCPT_MAX_BOUNCES": "2"} | environment))
         return running[-1]
 
@@ -101,6 +102,23 @@ def test_a_render_that_is_killed_goes_on_to_the_same_bits(start, tmp_path, way):
     assert told["oocpt:rays"] < expected["oocpt:rays"], "not all was traced again"
 
 
+def test_samples_that_are_not_finite_are_counted_once(start, tmp_path):
+    scene, film = tmp_path / "scene.usda", tmp_path / "film"
+    scene.write_text(test_nonfinite_samples.SCENE.format(intensity="3e38"))
+    of = {"scene": scene, "camera": "/Cam"}
+    run = start(film, of=of)
+    wait_for_file(run, film)
+    run.process.kill()
+    run.process.wait()
+    _, told, _ = record(tmp_path, film, MANY, "--time-limit", "0.001", of=of)
+    samples = int(told["oocpt:samples"]) + 1
+    picture, _, said = record(tmp_path, film, samples, of=of)
+    at_once, _, expected = record(tmp_path, None, samples, of=of)
+    compare.same_bits(picture, at_once, f"{samples} samples")
+    told = [[line for line in lines if test_nonfinite_samples.MESSAGE in line] for lines in (said, expected)]
+    assert told[0] == told[1] and len(told[0]) == 1, told
+
+
 def test_signals_make_checkpoints(start, tmp_path):
     film = tmp_path / "film"
     run = start(film, "--set", "checkpointInterval=1000000", "--imageWidth", "32")
@@ -130,21 +148,38 @@ def test_another_scene_is_told_and_left_alone(tmp_path):
     assert film.read_bytes() == before[:-100], "a file that is cut stays as it is"
 
 
+# A file system of $1 KiB in a name space of its own; $3 renders few samples to it, $5 more of them.
+FULL_DISK = """set -e
+mount -t tmpfs -o size=$1k none "$2"
+eval "$3"
+cp "$2/film" "$4"
+eval "$5" 2>"$4.said"
+cmp "$2/film" "$4"
+ls -A "$2"
+"""
+
+
 def test_a_disk_that_is_full_costs_a_warning(tmp_path):
-    """A limit of the size of files in place of a full disk: writes fail in the midst of the file, as they do there."""
-    film = tmp_path / "film"
+    unshare = ["unshare", "--map-root-user", "--mount"]
+    if subprocess.run([*unshare, "true"], check=False).returncode:
+        pytest.skip("no name spaces of one's own here")
+    disk, kept, film = tmp_path / "disk", tmp_path / "kept", tmp_path / "film"
+    disk.mkdir()
     record(tmp_path, film, 4)
-    before = film.read_bytes()
-    limit = len(before) // 2
-
-    def limits():
-        resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
-
-    _, told, said = record(tmp_path, film, 8, "--imageWidth", "64", limits=limits, OOCPT_PIPELINE_CACHE="0")
+    kib = film.stat().st_size * 3 // 2 >> 10
+    line = [shlex.join(map(str, words(tmp_path / "out.exr", disk / "film", samples))) for samples in (4, 8)]
+    variables = dict(os.environ, OOCPT_MAX_BOUNCES="2")
+    variables.pop("PYTHONPATH", None)
+    done = subprocess.run(
+        [*unshare, "sh", "-c", FULL_DISK, "sh", str(kib), str(disk), line[0], str(kept), line[1]], env=variables,
+        cwd=tmp_path, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=300, check=False,
+    )  # fmt: skip
+    said = (tmp_path / "kept.said").read_text().splitlines()
+    assert done.returncode == 0, (done.stdout, done.stderr, said)  # the old file stays
+    assert done.stdout.splitlines()[-1] == "film", "and nothing is beside it"
     warnings = [line for line in said if "oocpt:checkpoint" in line]
-    assert len(warnings) == 1 and "too large" in warnings[0], said
-    assert told["oocpt:samples"] == 8 and film.read_bytes() == before, "the render lives, the old file stays"
-    assert not [name for name in os.listdir(tmp_path) if name.endswith(".tmp")], "and nothing else"
+    assert len(warnings) == 1 and "No space left" in warnings[0], said
+    assert any(line.startswith("OocPT: 8 samples") for line in said), "the render lives"
 
 
 def test_a_checkpoint_is_of_one_picture(tmp_path):

@@ -93,6 +93,7 @@ def render(
         chosen["samplesPerPixel"] = samples
     if checkpoint is not None:
         chosen["checkpoint"] = os.path.abspath(os.fspath(checkpoint))
+        chosen.setdefault("enableInteractive", False)  # a live view keeps no samples in files
     with tempfile.TemporaryDirectory(prefix="oocpt-") as folder:
         request = {
             "scene": _file_of(scene, folder),

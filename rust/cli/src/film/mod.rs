@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-//! `oocpt film`: parts of films, which renders wrote, merge to films and pictures. No device is needed.
+//! `oocpt film`: parts of films are rendered, and merge to films and pictures, which needs no device.
 
 mod info;
+mod render;
 mod text;
 
 use anyhow::{Context as _, Result};
@@ -18,6 +19,8 @@ pub(crate) struct Arguments {
 
 #[derive(clap::Subcommand)]
 enum FilmCommand {
+    /// Has a Hydra host render some of a picture's samples as a part of a film.
+    Render(render::Arguments),
     /// Merges parts of one film to the bits that one render would have given.
     Merge {
         /// Films of the same picture with other samples.
@@ -46,6 +49,7 @@ enum FilmCommand {
 /// Runs the command.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     match &arguments.command {
+        FilmCommand::Render(arguments) => render::run(arguments),
         FilmCommand::Merge { parts, out } => {
             merge(parts, out)?;
             let film = FilmReader::open(out)?;

@@ -33,9 +33,12 @@ const SHARDS: usize = 64;
 /// Says what a file contains: a text that is the same wherever the file is, and another one if its content is.
 pub type AssetContent<'a> = dyn Fn(&AssetRef) -> String + Sync + 'a;
 
-/// Hashes of arrays by address, length and type.
+/// Address, length and type of an array.
+type ArrayPlace = (usize, usize, u8);
+
+/// Hashes of arrays, in several tables, so that threads seldom wait for each other.
 #[derive(Debug)]
-struct ArrayHashes([Mutex<FxHashMap<(usize, usize, u8), u128>>; SHARDS]);
+struct ArrayHashes([Mutex<FxHashMap<ArrayPlace, u128>>; SHARDS]);
 
 impl ArrayHashes {
     fn of(&self, array: &TypedArray) -> u128 {

@@ -61,7 +61,11 @@ fn film_bytes(pixels: u64, adaptive: bool) -> u64 {
 
 impl Film {
     /// Memory for the images of `request`, sampled adaptively or not, with sums that merge or without.
-    pub(crate) fn new(gpu: &Arc<Gpu>, request: &RenderRequest, (adaptive, exact): (bool, bool)) -> Result<Self, GpuError> {
+    pub(crate) fn new(
+        gpu: &Arc<Gpu>,
+        request: &RenderRequest,
+        (adaptive, exact): (bool, bool),
+    ) -> Result<Self, GpuError> {
         let (pixels, kinds) = (request.pixels(), request.kinds());
         let plane = |name: &str, bytes: usize| Buffer::new(gpu, name, pixels * bytes as u64, BufferUsage::Device);
         let shows_color = kinds.contains(&AovKind::Color);
@@ -90,7 +94,8 @@ impl Film {
     /// Whether these images serve `request` too, wherever its window is.
     pub(crate) fn fits(&self, request: &RenderRequest, (adaptive, exact): (bool, bool)) -> bool {
         let same = self.pixels == request.pixels() && self.kinds == request.kinds();
-        same && self.exact.is_some() == (exact && self.has_color()) && self.adaptive.is_some() == (adaptive && self.has_color())
+        same && self.exact.is_some() == (exact && self.has_color())
+            && self.adaptive.is_some() == (adaptive && self.has_color())
     }
 
     /// Decides the first samples of a render of `job`, if it is adaptive.

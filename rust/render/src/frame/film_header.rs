@@ -48,11 +48,8 @@ pub(crate) fn film_header(job: &RenderJob, device: &DeviceReport) -> FilmHeader 
     };
     let clear = request.aovs.iter().find(|aov| aov.kind == AovKind::Color);
     let exposure = request.camera.exposure();
-    let view = FilmView {
-        exposure,
-        clear_color: clear.map_or([0.0; 4], |aov| aov.clear),
-        error_floor: error_floor(exposure),
-    };
+    let view =
+        FilmView { exposure, clear_color: clear.map_or([0.0; 4], |aov| aov.clear), error_floor: error_floor(exposure) };
     let devices = [device_text(device)].into();
     FilmHeader { identity, view, devices, ..FilmHeader::default() }
 }

@@ -20,6 +20,7 @@ use oocpt_film::{FilmError, FilmHeader, FilmKind, FilmReader, SampleRange};
 use oocpt_gpu::Gpu;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 /// Temporary files of processes that were killed are removed after so long without a change.
@@ -48,7 +49,10 @@ pub(crate) fn makes_part(shared: &SharedState, job: &RenderJob) -> bool {
     }
     let obstacle = obstacle(job);
     if let Some(obstacle) = obstacle {
-        complain(shared, obstacle);
+        // A live view renders anew with each edit.
+        if !job.settings.interactive || !shared.told_of_live_views.swap(true, Ordering::Relaxed) {
+            complain(shared, obstacle);
+        }
     }
     obstacle.is_none()
 }

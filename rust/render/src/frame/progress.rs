@@ -170,8 +170,7 @@ impl<'a> FrameProgress<'a> {
     /// number of all pixels but for those of one more.
     pub(crate) fn samples(&self, job: &RenderJob, film: &Film) -> Option<KeptSamples> {
         let is_whole = job.settings.span.is_empty() && !film.has_exact_sums();
-        let is_plain =
-            is_whole && film.has_color() && film.adaptive().is_none() && !job.settings.straggler_roulette;
+        let is_plain = is_whole && film.has_color() && film.adaptive().is_none() && !job.settings.straggler_roulette;
         let nonfinite = u32::try_from(lock(&self.shared.stats).nonfinite_samples).unwrap_or(u32::MAX);
         (is_plain && self.done >= self.pixels && !self.is_film_lost).then(|| KeptSamples {
             job: job.clone(),
@@ -215,7 +214,12 @@ impl<'a> FrameProgress<'a> {
     }
 
     /// Makes a checkpoint of what the film has; nothing is under way. `counters` are those of the stage.
-    pub(crate) fn make_checkpoint(&mut self, job: &RenderJob, film: &Film, counters: &Buffer) -> Result<(), RenderError> {
+    pub(crate) fn make_checkpoint(
+        &mut self,
+        job: &RenderJob,
+        film: &Film,
+        counters: &Buffer,
+    ) -> Result<(), RenderError> {
         let Some(kept) = self.samples(job, film) else { return Ok(()) };
         let kept = KeptSamples { nonfinite: (self.before.nonfinite, kept.nonfinite.1), ..kept };
         self.shared.wants_checkpoint.store(false, Ordering::Relaxed);

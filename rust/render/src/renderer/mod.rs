@@ -13,8 +13,8 @@ use crate::engine::{self, CompiledFeatures, FrameTiles, WaveSource, WavefrontTra
 use crate::error::RenderError;
 use crate::feedback::FeedbackBuffers;
 use crate::film::Film;
-use crate::frame::film_part::makes_part;
 use crate::frame::context::{FrameContext, geometry_cap, in_flight, is_cpu, maps_host, paths, shrinking};
+use crate::frame::film_part::makes_part;
 use crate::frame::in_core::{ROOM_FOR_TILES, path_needs, roomy_waves, share_of_waves};
 use crate::frame::in_flight;
 use crate::frame::kept_samples::KeptSamples;

@@ -81,8 +81,8 @@ impl SessionScene {
             shared.report(Severity::Warning, line);
         }
         let (primvars, meshes_made) = (self.primvars_of(commit.snapshot.version), self.db.meshes_made());
-        let is_kept = !settings.interactive && !(settings.checkpoint.is_empty() && settings.film_part.is_empty());
-        let identity = is_kept.then(|| self.identity(ask));
+        let has_file = [&settings.checkpoint, &settings.film_part].iter().any(|file| !file.is_empty());
+        let identity = (has_file && !settings.interactive).then(|| self.identity(ask));
         CommittedScene { snapshot: commit.snapshot, primvars, identity, meshes_made, fixed_host_bytes }
     }
 

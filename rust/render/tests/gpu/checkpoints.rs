@@ -9,9 +9,10 @@ use oocpt_core::convergence::ErrorEstimate;
 use oocpt_core::scene::SceneDb;
 use oocpt_core::settings::{Settings, TraversalKind};
 use oocpt_core::stats::{ErrorRow, WorstPixel};
+use oocpt_film::FilmReader;
 use oocpt_render::{PixelWindow, RenderRequest, Session, SessionOptions};
 use std::path::{Path, PathBuf};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// A folder for one test, removed at the end.
 pub(crate) struct Folder(PathBuf);
@@ -63,12 +64,7 @@ fn told(row: Option<ErrorRow>) -> ToldError {
 }
 
 /// Pictures and error of a render that was never stopped.
-fn at_once(
-    build: fn(&mut SceneDb),
-    settings: &Settings,
-    samples: u32,
-    streams: bool,
-) -> (Vec<Vec<u8>>, ToldError) {
+fn at_once(build: fn(&mut SceneDb), settings: &Settings, samples: u32, streams: bool) -> (Vec<Vec<u8>>, ToldError) {
     let session = open(build, Settings { samples_per_pixel: samples, ..settings.clone() }, streams);
     render(&session, &view());
     (read_all(&session, &view()), told(session.stats().error))
@@ -125,7 +121,7 @@ fn copies(file: &Path, session: &Session, count: usize) -> Vec<Vec<u8>> {
         if !now.is_empty() && copies.last() != Some(&now) {
             copies.push(now);
         }
-        std::thread::sleep(std::time::Duration::from_millis(3));
+        std::thread::sleep(Duration::from_millis(3));
     }
     copies
 }
@@ -169,14 +165,19 @@ fn a_render_that_is_stopped_keeps_what_it_has() {
     let end = Instant::now() + TIMEOUT;
     while session.stats().samples_completed < 3 {
         assert!(Instant::now() < end, "no sample was done in time: {:?}", session.take_messages());
-        std::thread::sleep(std::time::Duration::from_millis(2));
+        std::thread::sleep(Duration::from_millis(2));
     }
-    assert!(!file.exists(), "the interval has not passed");
+    let appears = |what: &str| {
+        let end = Instant::now() + Duration::from_secs(60);
+        while !file.exists() {
+            assert!(Instant::now() < end, "{what}: {:?}", session.take_messages());
+            std::thread::sleep(Duration::from_millis(2));
+        }
+    };
+    appears("the first checkpoint comes soon, whatever the interval");
+    std::fs::remove_file(&file).expect("its own");
     assert!(session.make_checkpoint(), "there is a file to write");
-    while !file.exists() {
-        assert!(Instant::now() < end, "it was asked for: {:?}", session.take_messages());
-        std::thread::sleep(std::time::Duration::from_millis(2));
-    }
+    appears("it was asked for");
     assert!(!session.is_converged(), "it goes on meanwhile");
     assert!(session.finish_early(0).is_some(), "it ends");
     assert!(session.wait_converged(TIMEOUT), "in time");
@@ -185,6 +186,9 @@ fn a_render_that_is_stopped_keeps_what_it_has() {
     render(&resumed, &view());
     assert_eq!(resumed.stats().samples_kept, done, "all that was done");
 }
+
+/// What is told, and the scene, settings and request of a render that finds the file of another.
+type ForeignCase = (&'static str, fn(&mut SceneDb), Settings, RenderRequest);
 
 #[test]
 fn another_film_is_left_alone_and_told_by_name() {
@@ -201,7 +205,7 @@ fn another_film_is_left_alone_and_told_by_name() {
         nested(db);
         db.upsert_light(sun(1.0, 3.0, DMat4::IDENTITY));
     };
-    let cases: [(&str, fn(&mut SceneDb), Settings, RenderRequest); 7] = [
+    let cases: [ForeignCase; 7] = [
         ("oocpt:seed: 0 and 7", nested, Settings { seed: 7, ..plain.clone() }, view()),
         ("oocpt:maxBounces: 3 and 2", nested, Settings { max_bounces: 2, ..plain.clone() }, view()),
         ("camera: at ", nested, plain.clone(), moved),
@@ -241,6 +245,44 @@ fn damaged_files_are_left_alone() {
         assert!(message.text.starts_with("oocpt:checkpoint: "), "{message:?}");
         assert_eq!((session.stats().samples_completed, session.stats().samples_kept), (2, 0), "it is rendered");
         assert!(std::fs::read(&file).expect("a file") == bytes, "the file is as it was");
+    }
+}
+
+#[test]
+fn crafted_files_are_left_alone() {
+    let folder = Folder::new("crafted");
+    let (file, way) = (folder.file("film"), by(TraversalKind::Compute));
+    render(&open(nested, with_file(&way, 2, &file), false), &view());
+    let whole = FilmReader::open(&file).expect("a checkpoint");
+    let [state, film] = ["state", "film"].map(|name| whole.block(name, 1 << 30).expect("a block"));
+    let state = String::from_utf8(state).expect("a text");
+    let one_more = |film: &[u8]| {
+        let mut film = film.to_vec();
+        film[44] += 1; // `FilmPixel::samples` of the first pixel
+        film
+    };
+    let paths = 2 * view().pixels();
+    let told =
+        |paths: &str| state.replace(&format!("\"paths\":{}", 2 * view().pixels()), &format!("\"paths\":{paths}"));
+    let cases = [
+        (state.clone(), one_more(&film), "other numbers of samples"),
+        (state.clone(), film[80..].to_vec(), "other numbers of samples"),
+        (told("7"), film.clone(), "no checkpoint has"),
+        (told(&(paths + 1).to_string()), film.clone(), "more than"),
+        (state.replace("\"octaves\":[[0", "\"octaves\":[[99"), film.clone(), "no checkpoint has"),
+        (state.replace("\"version\":1", "\"version\":9"), film.clone(), "version 9"),
+        ("{".to_owned(), film.clone(), "damaged"),
+    ];
+    for (state, film, what) in cases {
+        oocpt_film::write_film(&file, whole.header(), |writer| {
+            writer.block("state", state.as_bytes())?;
+            writer.block("film", &film)
+        })
+        .expect("a file");
+        let session = open(nested, with_file(&way, 2, &file), false);
+        let messages = render_with_messages(&session, &view());
+        assert!(matches!(&*messages, [message] if message.text.contains(what)), "{what}: {messages:?}");
+        assert_eq!((session.stats().samples_completed, session.stats().samples_kept), (2, 0), "it is rendered");
     }
 }
 

@@ -28,6 +28,7 @@ use oocpt_gpu::{Buffer, Gpu, GpuError};
 use state::EngineState;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -94,7 +95,10 @@ impl Checkpoints {
             return None;
         }
         if let Some(obstacle) = obstacle(job, film) {
-            complain(shared, obstacle);
+            // A live view renders anew with each edit.
+            if !job.settings.interactive || !shared.told_of_live_views.swap(true, Ordering::Relaxed) {
+                complain(shared, obstacle);
+            }
             return None;
         }
         let transfer = FilmTransfer::new(gpu).inspect_err(|error| complain(shared, &error.to_string())).ok()?;

@@ -46,7 +46,7 @@ impl EngineState {
         if have < pixels || !history.is_sound() {
             return Err("damaged: it says that it has samples that no checkpoint has".to_owned());
         }
-        let samples = have / pixels.max(1);
+        let samples = have.div_ceil(pixels.max(1));
         if have > paths(job) {
             let wanted = job.settings.samples_per_pixel;
             return Err(format!("has {samples} samples of each pixel, more than the {wanted} that are wanted"));

@@ -31,6 +31,12 @@ fn hostile(random: &mut Random) -> f32 {
     }
 }
 
+/// A float whose exponent is within a few of one.
+fn near(random: &mut Random, exponent: u32) -> f32 {
+    let exponent = (exponent + random.word() % 24).saturating_sub(12).min(254);
+    f32::from_bits(random.word() & 0x807f_ffff | exponent << 23)
+}
+
 /// The sums of the device over waves of samples.
 fn sums(gpu: &Arc<Gpu>, samples: &[[f32; 4]], waves: &[u32]) -> Vec<ExactPixel> {
     let behind = u64::from(PIXELS) * size_of::<FilmPixel>() as u64 + u64::from(ERROR_GROUPS * ERROR_SUMS_BYTES);
@@ -73,13 +79,20 @@ fn the_devices_exact_sums_are_those_of_the_host() {
     let gpu = open();
     let mut random = Random(7);
     let mut samples = vec![[0.0_f32; 4]; (PIXELS * SAMPLES) as usize];
-    for (at, sample) in samples.iter_mut().enumerate() {
-        // A third of the pixels has samples of one magnitude and sign, whose sums carry.
-        let is_tame = at as u32 % PIXELS < PIXELS / 3;
-        *sample = std::array::from_fn(|_| if is_tame { 0.999_999_9 } else { hostile(&mut random) });
+    for (sample, path) in samples.iter_mut().zip((0..PIXELS).cycle()) {
+        *sample = std::array::from_fn(|_| match path % 4 {
+            // Of one magnitude and sign: sums carry.
+            0 => 0.999_999_9,
+            // Of a few magnitudes, from the smallest to the largest by the pixel: windows move.
+            1 => near(&mut random, path * 256 / PIXELS),
+            // Without normal numbers.
+            2 => f32::from_bits(random.word() & 0x807f_ffff),
+            _ => hostile(&mut random),
+        });
     }
     // Paths take pixels in an order of their own; the numbers are sums of one limb.
     let numbers: Vec<[f32; 4]> = (0..PIXELS).map(|path| [path as f32; 4]).collect();
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small whole numbers")]
     let order: Vec<usize> = sums(&gpu, &numbers, &[PIXELS]).iter().map(|sum| sum.mean()[0] as usize).collect();
     let mut by_path = vec![ExactPixel::zeroed(); PIXELS as usize];
     for (sample, at) in samples.iter().zip((0..PIXELS as usize).cycle()) {
