@@ -7,7 +7,7 @@ use crate::error::FilmError;
 use crate::exact::Exact as _;
 use crate::header::{FilmHeader, FilmKind};
 use crate::measure::{Measurer, OctaveError};
-use crate::ranges::{MAX_SAMPLES, SampleRange, overlap};
+use crate::ranges::{SampleRange, overlap};
 use crate::tiles::{self, TILE};
 use oocpt_abi::ExactPixel;
 use rayon::prelude::*;
@@ -65,7 +65,7 @@ impl Film {
     /// [`FilmError::Unfit`]: a range of two octaves, samples that the film has, another number of pixels, or records of
     /// other numbers of samples.
     pub fn add(&mut self, range: SampleRange, plane: Vec<ExactPixel>) -> Result<(), FilmError> {
-        if !range.is_in_octave() || range.end > MAX_SAMPLES {
+        if !range.is_in_octave() {
             return Err(FilmError::unfit(format!("samples {range} are not of one octave")));
         }
         if overlap(&self.header.samples(), &[range]).is_some() {

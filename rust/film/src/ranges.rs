@@ -44,7 +44,7 @@ impl SampleRange {
         }
     }
 
-    /// Whether it has samples, of one octave.
+    /// Whether it has samples, of one octave; then it ends at [`MAX_SAMPLES`] at most.
     pub(crate) const fn is_in_octave(self) -> bool {
         let octave = Self::of_octave(self.octave());
         self.begin < self.end && octave.begin <= self.begin && self.end <= octave.end
@@ -116,20 +116,18 @@ pub(crate) fn check(planes: &[Vec<SampleRange>]) -> Result<(), &'static str> {
         if first.begin < next || joined(plane.iter().copied()) != *plane {
             return Err("samples of planes are not in ascending order");
         }
-        for range in plane {
-            let whole = if is_prefix { plane.len() == 1 && range.end.is_power_of_two() } else { range.is_in_octave() };
-            if range.begin >= range.end || range.end > MAX_SAMPLES || range.octave() != first.octave() || !whole {
-                return Err("samples of a plane are not of one octave");
-            }
+        let of_octaves = match is_prefix {
+            true => plane.len() == 1 && first.end.is_power_of_two(),
+            false => plane.iter().all(|range| range.is_in_octave() && range.octave() == first.octave()),
+        };
+        if !of_octaves {
+            return Err("samples of a plane are not of one octave");
         }
-        if index == 1
-            && next > 0
-            && *plane == [SampleRange::new(next, next.saturating_mul(2))]
-            && planes[0][0].begin == 0
-        {
+        let octave = SampleRange::of_octave(first.octave());
+        if index == 1 && planes[0][0] == SampleRange::new(0, octave.begin) && *plane == [octave] {
             return Err("an octave that belongs to the first plane");
         }
-        next = if is_prefix { first.end } else { SampleRange::of_octave(first.octave()).end };
+        next = if is_prefix { first.end } else { octave.end };
     }
     Ok(())
 }

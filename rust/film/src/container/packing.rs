@@ -78,5 +78,6 @@ mod tests {
         }
         assert_eq!(unpack(&packed, 3, raw.len() - 1), None, "no whole records");
         assert_eq!(unpack(&packed, 3, raw.len() - 3), None, "a record less");
+        assert_eq!(unpack(&packed, 3, raw.len() + 1), None, "a byte that no record has");
     }
 }

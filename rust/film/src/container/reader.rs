@@ -137,7 +137,9 @@ impl FilmReader {
         if hash.to_le_bytes() != fixed[16..] {
             return Err(FilmError::damaged(path, "the checksum of its header is wrong"));
         }
-        let header = serde_json::from_slice(&text).map_err(|error| FilmError::damaged(path, error.to_string()))?;
+        let header: FilmHeader =
+            serde_json::from_slice(&text).map_err(|error| FilmError::damaged(path, error.to_string()))?;
+        header.check().map_err(|what| FilmError::damaged(path, what))?;
         let mut reader = Self { path: path.to_owned(), header, hash, blocks: Vec::new(), length };
         reader.find_blocks(&mut file, (FIXED_HEADER + text.len()) as u64)?;
         Ok(reader)
