@@ -34,7 +34,16 @@ bool _Interrupt() noexcept
     }
 }
 
-/// Reads until the other end is closed. Bytes that are not SIGINT or SIGTERM are ignored.
+void _MakeCheckpoint() noexcept
+{
+    try {
+        oocpt::make_checkpoint();
+    } catch (const std::exception&) {
+        // It was logged where it arose; the picture goes on.
+    }
+}
+
+/// Reads until the other end is closed. Bytes that are no signal of these three are ignored.
 void _Listen(int descriptor)
 {
     for (;;) {
@@ -45,6 +54,9 @@ void _Listen(int descriptor)
         }
         if (count != 1) {
             return;
+        }
+        if (signal == SIGUSR1) {
+            _MakeCheckpoint();
         }
         if ((signal == SIGINT || signal == SIGTERM) && !_Interrupt()) {
             _exit(INTERRUPTED);
@@ -66,7 +78,7 @@ bool _Try(Function&& function) noexcept
 
 /// Prints diagnostics of the host as plain lines on standard error from now on, and takes each byte SIGINT or SIGTERM
 /// that is read from `descriptor` as an interrupt: the process ends at once with status 130, unless there is a picture
-/// to wait for. Returns 1 if a thread listens, else 0. Call it once.
+/// to wait for. A byte SIGUSR1 has a checkpoint made (`oocpt:checkpoint`). Returns 1 if a thread listens, else 0. Call it once.
 extern "C" __attribute__((visibility("default"))) int HdOocPTRunnerStart(int descriptor)
 {
     return _Try([descriptor] {

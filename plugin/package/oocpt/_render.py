@@ -39,6 +39,7 @@ def render(
     width: int = 960,
     height: int | None = None,
     samples: int | None = None,
+    checkpoint: str | os.PathLike[str] | None = None,
     aovs: Sequence[str] = ("color",),
     settings: Mapping[str, object] | None = None,
     purposes: Sequence[str] = ("proxy",),
@@ -60,6 +61,8 @@ def render(
         width: of the picture in pixels.
         height: in pixels; without it from the camera's aperture.
         samples: of each pixel; without it the scene's `oocpt:samplesPerPixel`, else 64.
+        checkpoint: a file in which the samples are kept, and with which the render goes on if it is there and of the
+            same picture.
         aovs: which images. `color`: f32, RGBA, linear Rec. 709 radiance premultiplied by alpha. `depth`: f32, clip
             space, 0 at the near plane, 1 at the far one and where nothing is. `cameraDepth`: f32, along the view axis,
             in units of the scene, 0 where nothing is. `normal`, `Neye`: f32, 3, shading normal in the space of the
@@ -88,6 +91,9 @@ def render(
     chosen = dict(settings or {})
     if samples is not None:
         chosen["samplesPerPixel"] = samples
+    if checkpoint is not None:
+        chosen["checkpoint"] = os.path.abspath(os.fspath(checkpoint))
+        chosen.setdefault("enableInteractive", False)  # a live view keeps no samples in files
     with tempfile.TemporaryDirectory(prefix="oocpt-") as folder:
         request = {
             "scene": _file_of(scene, folder),

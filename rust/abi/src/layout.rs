@@ -120,4 +120,5 @@ pub const LAYOUTS: &[StructLayout] = &[
     WavefrontCounters::LAYOUT,
     FilmPixel::LAYOUT,
     ErrorSums::LAYOUT,
+    ExactPixel::LAYOUT,
 ];

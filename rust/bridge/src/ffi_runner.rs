@@ -3,7 +3,7 @@
 //! of `lib.rs`.
 
 use crate::guard::{BridgeError, guard};
-use crate::runner::{self, annotate_picture, begin_picture, interrupt, picture_rendered};
+use crate::runner::{self, annotate_picture, begin_picture, interrupt, make_checkpoint, picture_rendered};
 use crate::settings;
 use ffi::{InterruptState, PrimWarning};
 use oocpt_core::scene::{SceneWarning, summary};
@@ -89,6 +89,7 @@ mod ffi {
         fn picture_rendered() -> Result<()>;
         fn annotate_picture(path: &str) -> Result<()>;
         fn interrupt() -> Result<bool>;
+        fn make_checkpoint() -> Result<()>;
         fn interrupted() -> Result<InterruptState>;
     }
 }

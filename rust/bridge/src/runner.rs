@@ -126,6 +126,25 @@ pub(crate) fn interrupt() -> Result<bool, BridgeError> {
     })
 }
 
+/// Has the picture under way make a checkpoint as soon as it can; the user is told if there is nothing to keep.
+pub(crate) fn make_checkpoint() -> Result<(), BridgeError> {
+    guard("make_checkpoint", || {
+        let state = state();
+        let is_named = match state.phase {
+            RunnerPhase::Rendering => {
+                state.of_picture(|session, after| (session.generation() > after).then(|| session.make_checkpoint()))
+            }
+            RunnerPhase::Preparing | RunnerPhase::Writing => None,
+        };
+        match is_named {
+            Some(true) => {}
+            Some(false) => say("OocPT: no checkpoint: oocpt:checkpoint names no file"),
+            None => say("OocPT: no checkpoint: no picture is being rendered"),
+        }
+        Ok(())
+    })
+}
+
 /// Returns true if the command line was interrupted, and the progress of the picture under way.
 pub(crate) fn interrupted() -> Result<(bool, EarlyEnd), BridgeError> {
     guard("interrupted", || {

@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-//! `oocpt`: looks at the machine (`doctor`), draws what the renderer reports (`report`), makes scenes (`scene`), looks
-//! at materials (`material`), fills the cache of textures (`texture`), runs the program that measures (`bench`).
+//! `oocpt`: looks at the machine (`doctor`), merges films (`film`), draws what the renderer reports (`report`), makes
+//! scenes (`scene`), looks at materials (`material`), fills the cache of textures (`texture`), runs the program that
+//! measures (`bench`).
 #![forbid(unsafe_code)]
 #![expect(clippy::print_stdout, reason = "a command line program reports on standard output")]
 
 mod bench;
 mod doctor;
+mod film;
 mod material;
 mod report;
 mod scene;
@@ -29,6 +31,8 @@ enum OocptCommand {
     Doctor(doctor::Arguments),
     /// Measures the renderer: runs oocpt-bench, which is built from the clone and not shipped.
     Bench(bench::Arguments),
+    /// Merges parts of films, makes pictures of them, and says what they are.
+    Film(film::Arguments),
     /// Draws what a render wrote about itself.
     Report(report::Arguments),
     /// Writes a generated scene as USD.
@@ -47,6 +51,7 @@ fn run(command: OocptCommand) -> Result<()> {
     match command {
         OocptCommand::Doctor(arguments) => doctor::run(&arguments),
         OocptCommand::Bench(arguments) => bench::run(&arguments),
+        OocptCommand::Film(arguments) => film::run(&arguments),
         OocptCommand::Report(arguments) => report::run(&arguments),
         OocptCommand::Scene(arguments) => scene::run(&arguments),
         OocptCommand::Material(arguments) => material::run(&arguments),

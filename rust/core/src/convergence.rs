@@ -44,7 +44,8 @@ const Z: f64 = 1.959_963_985;
 
 /// Sums over the pixels of a picture. `s` and `d`, defined in the lead of the module, are relative, squared and
 /// averaged over the channels.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "camelCase")]
 pub struct PictureErrorSums {
     /// Pixels of the picture.
     pub pixels: f64,
@@ -75,7 +76,7 @@ pub struct ErrorEstimate {
 }
 
 /// Mean and covariance of (`ln R`, slope of `ln G` downwards in units of `ln 2`).
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct FilterState {
     log_ratio: f64,
     slope: f64,
@@ -84,7 +85,7 @@ struct FilterState {
 }
 
 /// Follows one render through the octaves.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ConvergenceEstimator {
     /// The last octave, and the filter's state after it.
     last: Option<(u32, FilterState)>,

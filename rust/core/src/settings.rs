@@ -4,6 +4,7 @@
 
 mod error;
 mod host_mapped;
+mod sample_span;
 mod table;
 mod traversal;
 
@@ -11,9 +12,12 @@ use crate::pixel_filter::PixelFilterKind;
 use crate::residency::PolicyKind;
 pub use error::SettingError;
 pub use host_mapped::HostMapped;
+pub use sample_span::SampleSpan;
 pub use table::{FilmEffect, SettingAudience, SettingScope, Settings};
 use table::{SettingField, TABLE, unknown};
 pub use traversal::TraversalKind;
+
+use std::collections::BTreeMap;
 
 /// A setting's value as hosts give it.
 #[derive(Clone, Debug, PartialEq)]
@@ -80,6 +84,9 @@ impl Settings {
             SettingField::HostMapped(field) => {
                 *field = choice(key, &value, HostMapped::named, || HostMapped::ALL.map(HostMapped::name).to_vec())?;
             }
+            SettingField::Span(field) => {
+                *field = choice(key, &value, SampleSpan::named, || vec!["A..B, with A below B and B at most 2^24"])?;
+            }
             SettingField::PixelFilter(field) => {
                 let allowed = || PixelFilterKind::ALL.map(PixelFilterKind::name).to_vec();
                 *field = choice(key, &value, PixelFilterKind::named, allowed)?;
@@ -100,6 +107,7 @@ impl Settings {
             SettingField::Policy(v) => SettingValue::Text(v.name().to_owned()),
             SettingField::Traversal(v) => SettingValue::Text(v.name().to_owned()),
             SettingField::HostMapped(v) => SettingValue::Text(v.name().to_owned()),
+            SettingField::Span(v) => SettingValue::Text(v.to_string()),
             SettingField::PixelFilter(v) => SettingValue::Text(v.name().to_owned()),
         })
     }
@@ -147,7 +155,22 @@ impl Settings {
     #[must_use]
     pub fn goes_on_from(&self, other: &Self) -> bool {
         let is_same = |row: &table::Row| self.get(row.key) == other.get(row.key);
-        TABLE.iter().filter(|row| row.film == FilmEffect::BeginsAgain).all(is_same)
+        TABLE.iter().filter(|row| row.film != FilmEffect::GoesOn).all(is_same)
+    }
+
+    /// These settings with as many samples as a picture has that ends where the span of samples does.
+    #[must_use]
+    pub fn with_span(self) -> Self {
+        let samples_per_pixel = if self.span.is_empty() { self.samples_per_pixel } else { self.span.end };
+        Self { samples_per_pixel, ..self }
+    }
+
+    /// The settings that samples depend on, by key, as a user would type them. Pictures of a scene that differ in none
+    /// of these have the same samples, as far as there are as many.
+    #[must_use]
+    pub fn of_samples(&self) -> BTreeMap<String, String> {
+        let rows = TABLE.iter().filter(|row| row.film == FilmEffect::BeginsAgain);
+        rows.filter_map(|row| Some((row.key.to_owned(), self.get(row.key)?.to_string()))).collect()
     }
 
     /// The environment variable that sets `key`, e.g. `OOCPT_SAMPLES_PER_PIXEL`; `None` for an unknown key.

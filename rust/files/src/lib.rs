@@ -12,6 +12,7 @@ use std::fs::{File, FileType, OpenOptions};
 use std::io::{Error, ErrorKind, Read as _, Result, Write as _};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::Duration;
 
 /// Opens a file to be read.
 ///
@@ -75,6 +76,27 @@ pub fn replace_by(path: &Path, write: impl FnOnce(File) -> Result<()>) -> Result
         let _removed = std::fs::remove_file(&beside);
     }
     done
+}
+
+/// Removes what processes that were killed have left of writing this file, if it was not changed for so long: one that
+/// is being written is. Nothing is said of a file that cannot be removed.
+pub fn remove_stale(path: &Path, age: Duration) {
+    let path = std::fs::canonicalize(path).unwrap_or_else(|_not_there| path.to_path_buf());
+    let (Some(folder), Some(name)) = (path.parent(), path.file_name().and_then(|name| name.to_str())) else { return };
+    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    let is_ours = |entry: &str| {
+        let middle = entry.strip_prefix(name).and_then(|rest| rest.strip_prefix('.')?.strip_suffix(".tmp"));
+        let numbers = middle.and_then(|middle| middle.split_once('-'));
+        let is_number = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
+        numbers.is_some_and(|(process, count)| is_number(process) && is_number(count))
+    };
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    for entry in entries.filter(|entry| entry.file_name().to_str().is_some_and(is_ours)) {
+        let changed = entry.metadata().and_then(|metadata| metadata.modified());
+        if changed.is_ok_and(|changed| changed.elapsed().is_ok_and(|since| since >= age)) {
+            let _removed = std::fs::remove_file(entry.path());
+        }
+    }
 }
 
 /// A name in the same folder that no other call, thread or process uses.
@@ -252,5 +274,25 @@ mod tests {
         append(&folder.path("other"), false).expect("made");
         assert_eq!(std::fs::read(&path).expect("there"), b"new");
         assert_eq!(folder.names(), ["file", "link", "other"], "nothing else is left");
+    }
+
+    #[test]
+    fn only_old_leftovers_of_the_same_file_are_removed() {
+        let folder = Folder::new("stale");
+        let old = ["film.17-0.tmp", "film.17-0.tmp.tmp", "film.x-1.tmp", "film.17.tmp", "filmx.17-0.tmp", "film"];
+        let then = std::time::SystemTime::now() - Duration::from_secs(7200);
+        for name in old.iter().chain(&["film.18-3.tmp"]) {
+            let file = File::create(folder.path(name)).expect("a file");
+            if *name != "film.18-3.tmp" {
+                file.set_modified(then).expect("its time");
+            }
+        }
+        remove_stale(&folder.path("film"), Duration::from_secs(3600));
+        let mut left: Vec<&str> = old[1..].iter().copied().chain(["film.18-3.tmp"]).collect();
+        left.sort_unstable();
+        assert_eq!(folder.names(), left, "one that is being written stays, and what is another's");
+        remove_stale(&folder.path("film"), Duration::ZERO);
+        assert!(!folder.path("film.18-3.tmp").exists(), "older than that");
+        remove_stale(&folder.path("no/such/film"), Duration::ZERO);
     }
 }

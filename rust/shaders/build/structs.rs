@@ -37,6 +37,7 @@ fn glsl(rust: &str, size: usize) -> Result<(String, String), String> {
         "i32" => return plain("int"),
         "f32" => return plain("float"),
         "u64" => return plain("uint64_t"),
+        "i64" => return plain("int64_t"),
         "[f32; 2]" => return plain("vec2"),
         "[f32; 3]" => return plain("vec3"),
         "[f32; 4]" => return plain("vec4"),

@@ -26,6 +26,8 @@ pub enum PassImage {
     PixelCentres,
     /// `sampleCount`.
     SampleCount,
+    /// No image, but sums that merge with those of other renders.
+    ExactSums,
 }
 
 impl PassCondition {
@@ -158,6 +160,9 @@ passes! {
     /// Adds the samples of a wave or segment to the film.
     Accumulate = ACCUMULATE, When::ALWAYS, Direct("`min(path_count, width * height)`"),
         "`radiance`; streaming: `ended_radiance`" => "`film`";
+    /// Adds the same samples to sums that do not depend on their order.
+    SumExact = SUM_EXACT, When::image(PassImage::ExactSums), Direct("`min(path_count, width * height)`"),
+        "as `accumulate`" => "`ExactPixel` of each pixel, behind the film";
     /// Writes the number of samples of each pixel.
     CountSamples = COUNT_SAMPLES, When::image(PassImage::SampleCount), Direct("`width * height`"),
         "`film`" => "its plane of `FrameConstants::aov`";
@@ -227,6 +232,7 @@ pub fn document() -> String {
         conditions.extend(when.image.map(|image| match image {
             PassImage::PixelCentres => "images through pixel centres".to_owned(),
             PassImage::SampleCount => "`sampleCount`".to_owned(),
+            PassImage::ExactSums => "sums that merge".to_owned(),
         }));
         let threads = match launch {
             Direct(words) => (*words).to_owned(),

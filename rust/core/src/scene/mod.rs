@@ -10,6 +10,7 @@ mod commit;
 mod cover_store;
 mod dicing;
 mod entries;
+mod identity;
 mod lent;
 mod light;
 mod linked_prims;
@@ -43,6 +44,7 @@ pub use crate::desc::{
 pub use crate::instancing::instance_primvars::InstanceColumn;
 pub use crate::instancing::motion::{MAX_KEYS, MotionKey, map_at};
 pub use dicing::DicingCamera;
+pub use identity::AssetContent;
 pub use lent::LentBytes;
 use lent::{LentArrays, instancer_arrays, mesh_arrays};
 pub use resolve::MAX_NESTING;

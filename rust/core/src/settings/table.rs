@@ -4,7 +4,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{HostMapped, SettingError, TraversalKind};
+use super::{HostMapped, SampleSpan, SettingError, TraversalKind};
 use crate::pixel_filter::{PixelFilter, PixelFilterKind};
 use crate::residency::PolicyKind;
 
@@ -46,7 +46,9 @@ impl SettingScope {
 pub enum FilmEffect {
     /// They are samples of the new picture too, which goes on with them.
     GoesOn,
-    /// The picture begins again.
+    /// The picture begins again, with the same samples: another process may go on with them.
+    SameSamples,
+    /// The picture begins again, with other samples.
     BeginsAgain,
 }
 
@@ -78,10 +80,11 @@ pub(super) enum SettingField<'a> {
     Traversal(&'a mut TraversalKind),
     HostMapped(&'a mut HostMapped),
     PixelFilter(&'a mut PixelFilterKind),
+    Span(&'a mut SampleSpan),
 }
 
 /// Largest number of samples per pixel: sample indices stay exact in f32.
-const MAX_SAMPLES: u32 = 1 << 24;
+pub(super) const MAX_SAMPLES: u32 = 1 << 24;
 
 /// Most characters of an unknown name that are compared with those of settings.
 const LONGEST_NAME: usize = 64;
@@ -164,36 +167,36 @@ settings! {
         User Scene GoesOn "oocpt:timeLimit" "OOCPT_TIME_LIMIT" "Time limit"
         "Stop after this many seconds; 0 = no limit";
     Int(memory_budget_mib, 0, 1 << 24): u32 = 0;
-        User Machine BeginsAgain "oocpt:memoryBudget" "OOCPT_MEMORY_BUDGET" "Memory budget"
+        User Machine SameSamples "oocpt:memoryBudget" "OOCPT_MEMORY_BUDGET" "Memory budget"
         "Hard limit of device memory in MiB; 0 = automatic";
     Text(device): String = String::new();
-        User Machine BeginsAgain "oocpt:device" "OOCPT_DEVICE" "Device"
+        User Machine SameSamples "oocpt:device" "OOCPT_DEVICE" "Device"
         "Device by index or part of its name; empty = best";
     Traversal(traversal): TraversalKind = TraversalKind::Auto;
-        Developer Machine BeginsAgain "oocpt:traversal" "OOCPT_TRAVERSAL" "Traversal"
+        Developer Machine SameSamples "oocpt:traversal" "OOCPT_TRAVERSAL" "Traversal"
         "Who walks the rays: auto, compute (the device) or native (the host, where the device is a processor)";
     HostMapped(host_mapped): HostMapped = HostMapped::Auto;
-        Developer Machine BeginsAgain "oocpt:hostMappedGeometry" "OOCPT_HOST_MAPPED_GEOMETRY" "Host-mapped geometry"
+        Developer Machine SameSamples "oocpt:hostMappedGeometry" "OOCPT_HOST_MAPPED_GEOMETRY" "Host-mapped geometry"
         "Whether rays read geometry in host memory where the device has no room: auto, on or off";
     Policy(policy): PolicyKind = PolicyKind::Benefit;
-        Developer Machine BeginsAgain "oocpt:policy" "OOCPT_POLICY" "Policy"
+        Developer Machine SameSamples "oocpt:policy" "OOCPT_POLICY" "Policy"
         "Which chunks to load first: sweep, priority or benefit";
     Int(chunk_size_kib, 16, 1 << 20): u32 = 8192, "Another size is another partition of the scene.";
         User Machine BeginsAgain "oocpt:chunkSize" "OOCPT_CHUNK_SIZE" "Chunk size"
         "Device memory of a chunk of the scene in KiB";
     Int(geometry_budget_kib, 0, u32::MAX): u32 = 0;
-        User Machine BeginsAgain "oocpt:geometryBudget" "OOCPT_GEOMETRY_BUDGET" "Geometry budget"
+        User Machine SameSamples "oocpt:geometryBudget" "OOCPT_GEOMETRY_BUDGET" "Geometry budget"
         "Hard limit of device memory for geometry and textures in KiB; 0 = what the memory budget leaves";
     Int(host_memory_budget_mib, 0, 1 << 24): u32 = 0,
         "Arrays that the host lends, tables of instances and images come first, then shares for built meshes, \
          encoded instances and ended paths (`host_memory.rs` of the renderer).";
-        User Machine BeginsAgain "oocpt:hostMemoryBudget" "OOCPT_HOST_MEMORY_BUDGET" "Host memory budget"
+        User Machine SameSamples "oocpt:hostMemoryBudget" "OOCPT_HOST_MEMORY_BUDGET" "Host memory budget"
         "Most MiB of host memory for all that the renderer counts; 0 = shares of what is free";
     Float(dicing_rate, 0.0, 1e6): f32 = 2.0;
         User Scene BeginsAgain "oocpt:dicingRate" "OOCPT_DICING_RATE" "Dicing rate"
         "Longest edge of subdivision surfaces in pixels; 0 = as the complexity says";
     Text(chunk_report): String = String::new();
-        Developer Machine BeginsAgain "oocpt:chunkReport" "OOCPT_CHUNK_REPORT" "Chunk report"
+        Developer Machine SameSamples "oocpt:chunkReport" "OOCPT_CHUNK_REPORT" "Chunk report"
         "File for a report about the chunks; empty = none";
     Text(material_report): String = String::new();
         Developer Machine GoesOn "oocpt:materialReport" "OOCPT_MATERIAL_REPORT" "Material report"
@@ -214,21 +217,21 @@ settings! {
         User Scene BeginsAgain "oocpt:adaptiveSampling" "OOCPT_ADAPTIVE_SAMPLING" "Adaptive sampling"
         "Spend samples where the error is largest; as many in all, and no bias";
     Text(texture_cache): String = String::new();
-        User Machine BeginsAgain "oocpt:textureCache" "OOCPT_TEXTURE_CACHE" "Texture cache"
+        User Machine SameSamples "oocpt:textureCache" "OOCPT_TEXTURE_CACHE" "Texture cache"
         "Folder in which decoded textures are kept; 0 = none; empty = oocpt/textures in the user's cache folder";
     Int(texture_cache_mib, 1, u32::MAX): u32 = 32 << 10;
-        User Machine BeginsAgain "oocpt:textureCacheSize" "OOCPT_TEXTURE_CACHE_SIZE" "Texture cache size"
+        User Machine SameSamples "oocpt:textureCacheSize" "OOCPT_TEXTURE_CACHE_SIZE" "Texture cache size"
         "Most MiB of decoded textures on disk; those not used for longest are removed";
     Text(geometry_cache): String = String::new();
-        User Machine BeginsAgain "oocpt:geometryCache" "OOCPT_GEOMETRY_CACHE" "Geometry cache"
+        User Machine SameSamples "oocpt:geometryCache" "OOCPT_GEOMETRY_CACHE" "Geometry cache"
         "Folder in which built geometry is kept for the next render; 0 = none, everything stays in memory; empty = \
          none, what exceeds the host memory budget goes to oocpt/geometry in the user's cache folder while it is \
          needed";
     Int(geometry_cache_mib, 1, u32::MAX): u32 = 32 << 10;
-        User Machine BeginsAgain "oocpt:geometryCacheSize" "OOCPT_GEOMETRY_CACHE_SIZE" "Geometry cache size"
+        User Machine SameSamples "oocpt:geometryCacheSize" "OOCPT_GEOMETRY_CACHE_SIZE" "Geometry cache size"
         "Most MiB of the geometry cache; files not used for longest are removed";
     Text(pipeline_cache): String = String::new();
-        User Machine BeginsAgain "oocpt:pipelineCache" "OOCPT_PIPELINE_CACHE" "Pipeline cache"
+        User Machine SameSamples "oocpt:pipelineCache" "OOCPT_PIPELINE_CACHE" "Pipeline cache"
         "Folder in which the driver's compiled passes are kept; 0 = none; empty = oocpt/pipelines in the user's \
          cache folder";
     Int(max_diffuse_bounces, 0, MAX_BOUNCES): u32 = MAX_BOUNCES;
@@ -246,6 +249,18 @@ settings! {
     Float(pixel_filter_width, 0.0, 64.0): f32 = 0.0;
         User Scene BeginsAgain "oocpt:pixelFilterWidth" "OOCPT_PIXEL_FILTER_WIDTH" "Pixel filter width"
         "Full width of the filter in pixels; 0 = 1, 2, 3, 3 or 4, as usual for it";
+    Text(checkpoint): String = String::new();
+        User Machine GoesOn "oocpt:checkpoint" "OOCPT_CHECKPOINT" "Checkpoint"
+        "File in which a render keeps its samples, and from which a later one goes on; empty = none";
+    Float(checkpoint_secs, 0.0, 1e9): f32 = 60.0;
+        User Machine GoesOn "oocpt:checkpointInterval" "OOCPT_CHECKPOINT_INTERVAL" "Checkpoint interval"
+        "Seconds from one checkpoint to the next; the first comes after 5, or sooner";
+    Text(film_part): String = String::new();
+        User Machine SameSamples "oocpt:filmPart" "OOCPT_FILM_PART" "Film part"
+        "File for the samples as a film that merges with others; empty = none";
+    Span(span): SampleSpan = SampleSpan::default();
+        User Machine SameSamples "oocpt:sampleRange" "OOCPT_SAMPLE_RANGE" "Sample range"
+        "Samples to render, A..B, of a picture of B samples; empty = all";
     Bool(write_products): bool = true;
         User Machine GoesOn "oocpt:products" "OOCPT_PRODUCTS" "Render products"
         "Batch renders write the files that the active render settings ask for";

@@ -100,7 +100,7 @@ fn a_report_has_any_name() {
 }
 
 /// The settings of this renderer, in their order.
-const OURS: [&str; 31] = [
+const OURS: [&str; 36] = [
     "oocpt:samplesPerPixel",
     "oocpt:maxBounces",
     "oocpt:seed",
@@ -132,6 +132,10 @@ const OURS: [&str; 31] = [
     "oocpt:maxTransmissionBounces",
     "oocpt:pixelFilter",
     "oocpt:pixelFilterWidth",
+    "oocpt:checkpoint",
+    "oocpt:checkpointInterval",
+    "oocpt:filmPart",
+    "oocpt:sampleRange",
     "oocpt:products",
 ];
 
@@ -167,6 +171,11 @@ fn settings_are_listed_in_order() {
         "OOCPT_MAX_TRANSMISSION_BOUNCES",
         "OOCPT_PIXEL_FILTER",
         "OOCPT_PIXEL_FILTER_WIDTH",
+        "OOCPT_CHECKPOINT",
+        "OOCPT_CHECKPOINT_INTERVAL",
+        "OOCPT_FILM_PART",
+        "OOCPT_SAMPLE_RANGE",
+        "OOCPT_PRODUCTS",
     ];
     assert_eq!(OURS[7..].iter().filter_map(|key| Settings::env_name(key)).collect::<Vec<_>>(), names, "variables");
 }
@@ -235,7 +244,7 @@ fn every_descriptor_can_be_set_to_its_default_and_has_an_own_variable() {
         let name = Settings::env_name(descriptor.key).unwrap();
         assert!(name.starts_with("OOCPT_") && names.insert(name), "{name}");
     }
-    assert_eq!(names.len(), 36);
+    assert_eq!(names.len(), 40);
     assert_eq!(Settings::env_name("oocpt:samplesPerPixel"), Some("OOCPT_SAMPLES_PER_PIXEL"));
     assert_eq!(Settings::env_name("other"), None);
 }
@@ -259,8 +268,24 @@ fn other_value(value: &SettingValue, key: &str) -> SettingValue {
         (SettingValue::Int(value), _) if key.ends_with("Bounces") => SettingValue::Int(value - 1), // some are at most
         (SettingValue::Int(value), _) => SettingValue::Int(value + 1),
         (SettingValue::Float(value), _) => SettingValue::Float(value + 1.0),
+        (_, "oocpt:sampleRange") => SettingValue::Text("2..7".into()),
         (SettingValue::Text(_), _) => SettingValue::Text("other".into()),
     }
+}
+
+#[test]
+fn samples_depend_on_settings_as_the_rows_say() {
+    let plain = Settings::default().of_samples();
+    for setting in Settings::descriptors() {
+        let mut settings = Settings::default();
+        let changed = settings.set(setting.key, other_value(&setting.default, setting.key));
+        assert_eq!(changed, Ok(true), "{}", setting.key);
+        let begins_again = Settings::film_effect(setting.key) == Some(FilmEffect::BeginsAgain);
+        assert_eq!(settings.of_samples() != plain, begins_again, "{}", setting.key);
+    }
+    let is_told = |key: &str| plain.contains_key(key);
+    assert!(is_told("oocpt:seed") && is_told("oocpt:chunkSize"), "what changes samples");
+    assert!(!is_told("oocpt:memoryBudget") && !is_told("oocpt:samplesPerPixel"), "what does not");
 }
 
 #[test]
@@ -277,7 +302,22 @@ fn a_film_goes_on_as_the_rows_say() {
         }
     }
     let of_samples = ["oocpt:samplesPerPixel", "oocpt:timeLimit", "oocpt:materialReport", "oocpt:report"];
-    let others = ["oocpt:reference", "oocpt:targetError", "oocpt:products", "convergedSamplesPerPixel"];
+    let others = ["oocpt:reference", "oocpt:targetError", "oocpt:checkpoint", "oocpt:checkpointInterval"];
+    let others = [&others[..], &["oocpt:products", "convergedSamplesPerPixel"]].concat();
     assert_eq!(goes_on, [&of_samples[..], &others[..]].concat(), "what the samples depend on begins again");
     assert!(Settings::default().goes_on_from(&Settings::default()), "the same settings");
+}
+
+#[test]
+fn a_sample_range_is_two_numbers_in_order() {
+    let mut settings = Settings::default();
+    let mut set = |text: &str| settings.set("oocpt:sampleRange", SettingValue::Text(text.into()));
+    assert_eq!(set("3..17"), Ok(true), "a range");
+    for wrong in ["3", "3..", "..3", "3..3", "7..3", "-1..3", "0..16777217", "a..b", "0..1..2"] {
+        assert!(matches!(set(wrong), Err(SettingError::Choice { .. })), "{wrong}");
+    }
+    assert_eq!(settings.get("oocpt:sampleRange"), Some(SettingValue::Text("3..17".into())), "it stays");
+    assert_eq!((settings.samples_per_pixel, settings.clone().with_span().samples_per_pixel), (64, 17));
+    assert_eq!(settings.set("oocpt:sampleRange", SettingValue::Text(String::new())), Ok(true), "none");
+    assert_eq!(settings.with_span().samples_per_pixel, 64, "all samples again");
 }

@@ -151,8 +151,20 @@ pub(super) fn run<F: PathSource>(
         {
             retire_oldest(source, &mut in_flight, &mut last_end, gate, progress)?;
         }
+        if source.kind() == PathKind::Samples && progress.wants_checkpoint() {
+            // The film then has all paths before some number, and none beyond.
+            while !in_flight.is_empty() {
+                retire_oldest(source, &mut in_flight, &mut last_end, gate, progress)?;
+            }
+            let tracer = source.tracer();
+            progress.make_checkpoint(tracer.context.job, tracer.context.film, &tracer.paths.counters)?;
+            last_end = Instant::now();
+        }
         source.advance(&in_flight, progress)?;
-        let next = if in_flight.len() < IN_FLIGHT { source.submit_next(&in_flight, progress)? } else { None };
+        // Sums of the next octave begin when those of this one are taken.
+        let ends_octave = |late: &InFlightSubmission<F::StepData>| !late.work.octaves.is_empty();
+        let waits = source.tracer().context.film.has_exact_sums() && in_flight.iter().any(ends_octave);
+        let next = if in_flight.len() < IN_FLIGHT && !waits { source.submit_next(&in_flight, progress)? } else { None };
         if let Some(work) = next {
             in_flight.push_back(InFlightSubmission { work, submitted: Instant::now() });
         } else if let Some(oldest) = in_flight.front() {
@@ -216,5 +228,8 @@ fn retire_oldest<F: PathSource>(
         progress.publish(film, extent)?;
     }
     progress.octaves(film, &work.octaves)?;
+    if !work.octaves.is_empty() {
+        progress.take_part(film)?;
+    }
     source.end_submission(progress)
 }

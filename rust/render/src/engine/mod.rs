@@ -215,7 +215,8 @@ pub(crate) fn render<F: PathSource>(
 ) -> Result<Option<u64>, RenderError> {
     progress.stage("rendering");
     let film = source.tracer().context.film;
-    let (has_planes, has_color) = (film.has_planes() && !source.goes_on(), film.has_color());
+    let goes_on = source.goes_on() && !progress.lacks_planes();
+    let (has_planes, has_color) = (film.has_planes() && !goes_on, film.has_color());
     if has_planes || !has_color {
         // Without an image nothing is traced, but the counters that are read at the end have to be cleared.
         source.begin(PathKind::Aovs, progress)?;
@@ -223,6 +224,7 @@ pub(crate) fn render<F: PathSource>(
     if has_planes && run(source, gate, progress)? == StageOutcome::GivenUp {
         return Ok(None);
     }
+    progress.has_planes();
     if has_color {
         source.begin(PathKind::Samples, progress)?;
         if !progress.has_left_off() {

@@ -201,7 +201,8 @@ impl PathSource for WaveSource<'_> {
         };
         if kind == PathKind::Samples {
             self.schedule.begin_at(self.first.unwrap_or(0));
-            if progress.wants_octaves() && context.film.adaptive().is_none() {
+            let ends_octaves = progress.wants_octaves() || context.film.has_exact_sums();
+            if ends_octaves && context.film.adaptive().is_none() {
                 self.schedule = self.schedule.clone().with_octaves(context.job.request.pixels());
             }
             let cuts = progress.begin_samples(context.film);

@@ -17,8 +17,11 @@ use crate::job::publish::{PictureExtent, PublishedImages};
 use crate::job::request::RenderRequest;
 use crate::job::window::PictureLayout;
 use crate::sync::lock;
-use crate::wave::{ERROR_SLOTS, Wave, WavePiece, pieces};
-use oocpt_abi::{ERROR_GROUPS, ErrorSums, FilmPixel, FrameConstants, PushConstants, WORKGROUP_SIZE, WavefrontCounters};
+use crate::wave::{ERROR_SLOTS, LAST_SLOT, Wave, WavePiece, pieces};
+use oocpt_abi::{
+    ERROR_GROUPS, ERROR_SUMS_BYTES, ErrorSums, ExactPixel, FilmPixel, FrameConstants, PushConstants, WORKGROUP_SIZE,
+    WavefrontCounters,
+};
 use oocpt_core::adaptive::STREAMS;
 use oocpt_core::inventory::RenderInventory;
 use oocpt_gpu::{Buffer, BufferUsage, CommandList, Gpu, GpuError};
@@ -42,6 +45,8 @@ pub(crate) struct Film {
     color: Option<Buffer>,
     /// Whether somebody wants to see the colour; sample counts need it too.
     shows_color: bool,
+    /// Behind `film` are exact sums of each pixel, at this byte.
+    exact: Option<u64>,
     /// Only with colour and adaptive sampling; `film` is then twice as long.
     adaptive: Option<AdaptiveBuffers>,
     planes: Vec<(AovKind, Buffer)>,
@@ -56,15 +61,23 @@ fn film_bytes(pixels: u64, adaptive: bool) -> u64 {
 }
 
 impl Film {
-    /// Memory for the images of `request`, sampled adaptively or not.
-    pub(crate) fn new(gpu: &Arc<Gpu>, request: &RenderRequest, adaptive: bool) -> Result<Self, GpuError> {
+    /// Memory for the images of `request`, sampled adaptively or not, with sums that merge or without.
+    pub(crate) fn new(
+        gpu: &Arc<Gpu>,
+        request: &RenderRequest,
+        (adaptive, exact): (bool, bool),
+    ) -> Result<Self, GpuError> {
         let (pixels, kinds) = (request.pixels(), request.kinds());
         let plane = |name: &str, bytes: usize| Buffer::new(gpu, name, pixels * bytes as u64, BufferUsage::Device);
         let shows_color = kinds.contains(&AovKind::Color);
         let has_color = shows_color || kinds.contains(&AovKind::SampleCount);
         let parts = error_groups(pixels) as usize * size_of::<ErrorSums>();
         let adaptive = (has_color && adaptive).then(|| AdaptiveBuffers::new(gpu, pixels)).transpose()?;
-        let film_bytes = film_bytes(pixels, adaptive.is_some()) + parts as u64;
+        let film_bytes = film_bytes(pixels, adaptive.is_some());
+        // The shader of the exact sums counts on the largest number of parts.
+        let exact = (has_color && exact).then(|| film_bytes + u64::from(ERROR_GROUPS * ERROR_SUMS_BYTES));
+        let exact_end = exact.map(|at| at + pixels * size_of::<ExactPixel>() as u64);
+        let film_bytes = exact_end.unwrap_or(film_bytes + parts as u64);
         let film = has_color.then(|| Buffer::new(gpu, "film", film_bytes, BufferUsage::Device)).transpose()?;
         let error_bytes = u64::from(ERROR_SLOTS) * (parts + size_of::<WavefrontCounters>()) as u64;
         let errors = has_color.then(|| Buffer::new(gpu, "errors", error_bytes, BufferUsage::Readback)).transpose()?;
@@ -76,13 +89,14 @@ impl Film {
         let bytes: u64 = kinds.iter().map(|kind| pixels * kind.pixel_bytes() as u64).sum();
         let readback =
             Buffer::new(gpu, "readback", bytes + size_of::<WavefrontCounters>() as u64, BufferUsage::Readback)?;
-        Ok(Self { pixels, kinds, film, errors, color, shows_color, adaptive, planes, readback })
+        Ok(Self { pixels, kinds, film, errors, color, shows_color, exact, adaptive, planes, readback })
     }
 
     /// Whether these images serve `request` too, wherever its window is.
-    pub(crate) fn fits(&self, request: &RenderRequest, adaptive: bool) -> bool {
+    pub(crate) fn fits(&self, request: &RenderRequest, (adaptive, exact): (bool, bool)) -> bool {
         let same = self.pixels == request.pixels() && self.kinds == request.kinds();
-        same && self.adaptive.is_some() == (adaptive && self.has_color())
+        same && self.exact.is_some() == (exact && self.has_color())
+            && self.adaptive.is_some() == (adaptive && self.has_color())
     }
 
     /// Decides the first samples of a render of `job`, if it is adaptive.
@@ -133,6 +147,22 @@ impl Film {
     /// Whether it is wanted how what is seen moves over the image.
     pub(crate) fn has_motion(&self) -> bool {
         self.kinds.contains(&AovKind::Motion)
+    }
+
+    /// Whether sums that merge are wanted.
+    pub(crate) fn has_exact_sums(&self) -> bool {
+        self.exact.is_some()
+    }
+
+    /// The buffer that ends with the exact sums of each pixel, and the byte at which they begin.
+    pub(crate) fn exact_records(&self) -> Option<(&Buffer, u64)> {
+        Some((self.film.as_ref()?, self.exact?))
+    }
+
+    /// Paths after which an octave of samples ends, if sums of each are kept apart.
+    pub(crate) fn octave_cuts(&self) -> Vec<u64> {
+        let all = || (0..LAST_SLOT).filter_map(|octave| self.pixels.checked_shl(octave)).collect();
+        self.exact.map_or_else(Vec::new, |_| all())
     }
 
     /// Whether the number of samples is wanted.
@@ -189,6 +219,11 @@ impl Film {
         }
     }
 
+    /// A record for each pixel, and what else follows them; only with colour.
+    pub(crate) fn records(&self) -> Option<&Buffer> {
+        self.film.as_ref()
+    }
+
     /// Forgets all samples.
     pub(crate) fn clear(&self, commands: &mut CommandList) {
         if let Some(film) = &self.film {
@@ -215,7 +250,7 @@ impl Film {
     pub(crate) fn copy_error(&self, commands: &mut CommandList, counters: &Buffer, slot: u32) {
         let (Some(film), Some(errors)) = (&self.film, &self.errors) else { return };
         let behind = film_bytes(self.pixels, self.adaptive.is_some());
-        let bytes = film.size() - behind;
+        let bytes = u64::from(error_groups(self.pixels)) * size_of::<ErrorSums>() as u64;
         let at = u64::from(slot.min(ERROR_SLOTS - 1)) * (errors.size() / u64::from(ERROR_SLOTS));
         commands.concurrent(|c| {
             c.copy(film, behind, errors, at, bytes);

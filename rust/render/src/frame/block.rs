@@ -15,7 +15,7 @@ const MAX_WALKERS: u32 = 1 << 18;
 
 /// The constant that is added to the square of a pixel before an error is divided by it: 0.01 in the picture (Rousselle
 /// et al. 2011), which is the film times the exposure. Bounded, so that relative errors are finite for every exposure.
-fn error_floor(exposure: f32) -> f32 {
+pub(crate) fn error_floor(exposure: f32) -> f32 {
     (1e-2 / (exposure * exposure)).clamp(1e-30, 1e30)
 }
 

@@ -4,7 +4,11 @@
 
 pub(crate) mod block;
 pub(crate) mod camera_blocks;
+pub(crate) mod checkpoint;
 pub(crate) mod context;
+pub(crate) mod film_header;
+pub(crate) mod film_part;
+pub(crate) mod film_transfer;
 pub(crate) mod in_core;
 pub(crate) mod in_flight;
 pub(crate) mod inventory;

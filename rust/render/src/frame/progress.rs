@@ -7,7 +7,10 @@ use crate::error::RenderError;
 use crate::film::Film;
 use crate::film::adaptive::AdaptiveBuffers;
 use crate::film::measure::{self, MeasuredError};
+use crate::frame::checkpoint::Checkpoints;
 use crate::frame::context::is_cpu;
+use crate::frame::film_part::FilmPart;
+use crate::frame::film_transfer::FilmTransfer;
 use crate::frame::kept_samples::KeptSamples;
 use crate::host_memory;
 use crate::job::RenderJob;
@@ -26,7 +29,8 @@ use oocpt_abi::WavefrontCounters;
 use oocpt_core::adaptive::AdaptiveUsage;
 use oocpt_core::inventory::RenderInventory;
 use oocpt_core::stats::{RenderStats, RenderUsage, StreamingStats};
-use oocpt_gpu::Gpu;
+use oocpt_gpu::{Buffer, Gpu};
+use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
@@ -69,6 +73,12 @@ pub(crate) struct FrameProgress<'a> {
     has_left_off: bool,
     /// The film has parts of waves that were cancelled.
     is_film_lost: bool,
+    checkpoints: Option<Checkpoints>,
+    part: Option<FilmPart>,
+    /// First sample that is rendered.
+    first_sample: u32,
+    /// The film goes on with samples of another process, without the images of pixel centres.
+    lacks_planes: bool,
     /// `WavefrontCounters::nonfinite_pixel`.
     nonfinite_pixel: u32,
     pub(crate) timings: RenderTimings,
@@ -114,6 +124,10 @@ impl<'a> FrameProgress<'a> {
             before: WavefrontCounters::default(),
             has_left_off: false,
             is_film_lost: false,
+            checkpoints: None,
+            part: None,
+            first_sample: 0,
+            lacks_planes: false,
             nonfinite_pixel: 0,
             log: ErrorLog::start(shared, job),
             layout: job.request.layout(),
@@ -133,7 +147,7 @@ impl<'a> FrameProgress<'a> {
         self.decided = None;
         self.kept = None;
         self.before = WavefrontCounters::default();
-        (self.has_left_off, self.is_film_lost) = (false, false);
+        (self.has_left_off, self.is_film_lost, self.lacks_planes) = (false, false, false);
         *lock(&self.shared.reached) = (self.generation, 0);
         self.log.begin_again();
     }
@@ -155,7 +169,8 @@ impl<'a> FrameProgress<'a> {
     /// What the film of `job` has, if a later render can go on with it: a sample of each pixel at least, and the same
     /// number of all pixels but for those of one more.
     pub(crate) fn samples(&self, job: &RenderJob, film: &Film) -> Option<KeptSamples> {
-        let is_plain = film.has_color() && film.adaptive().is_none() && !job.settings.straggler_roulette;
+        let is_whole = job.settings.span.is_empty() && !film.has_exact_sums();
+        let is_plain = is_whole && film.has_color() && film.adaptive().is_none() && !job.settings.straggler_roulette;
         let nonfinite = u32::try_from(lock(&self.shared.stats).nonfinite_samples).unwrap_or(u32::MAX);
         (is_plain && self.done >= self.pixels && !self.is_film_lost).then(|| KeptSamples {
             job: job.clone(),
@@ -164,6 +179,107 @@ impl<'a> FrameProgress<'a> {
             history: self.log.history(),
             is_told: self.is_finished || self.is_told(),
         })
+    }
+
+    /// Has the checkpoints made that `job` asks for. With `is_empty` the film has no samples: it gets those of the file,
+    /// which the render goes on with.
+    pub(crate) fn begin_checkpoints(
+        &mut self,
+        job: &RenderJob,
+        gpu: &Arc<Gpu>,
+        film: &Film,
+        is_empty: bool,
+    ) -> Result<(), RenderError> {
+        self.checkpoints = None; // of an attempt before this one: its last file is finished
+        let Some(checkpoints) = Checkpoints::of(self.shared, job, gpu, film) else { return Ok(()) };
+        let restored = checkpoints.restored(self.shared, job, film, is_empty)?;
+        if let Some((checkpoints, kept)) = restored {
+            self.checkpoints = Some(checkpoints);
+            if let Some(kept) = kept {
+                self.lacks_planes = true;
+                self.go_on(kept);
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether a checkpoint is to be made as soon as nothing is under way.
+    pub(crate) fn wants_checkpoint(&self) -> bool {
+        let is_whole = self.done >= self.pixels;
+        let is_due = |checkpoints: &Checkpoints| {
+            let wanted = self.shared.wants_checkpoint.load(Ordering::Relaxed);
+            checkpoints.is_due(self.done, wanted)
+        };
+        is_whole && self.checkpoints.as_ref().is_some_and(is_due)
+    }
+
+    /// Makes a checkpoint of what the film has; nothing is under way. `counters` are those of the stage.
+    pub(crate) fn make_checkpoint(
+        &mut self,
+        job: &RenderJob,
+        film: &Film,
+        counters: &Buffer,
+    ) -> Result<(), RenderError> {
+        let Some(kept) = self.samples(job, film) else { return Ok(()) };
+        let kept = KeptSamples { nonfinite: (self.before.nonfinite, kept.nonfinite.1), ..kept };
+        self.shared.wants_checkpoint.store(false, Ordering::Relaxed);
+        match &mut self.checkpoints {
+            Some(checkpoints) => checkpoints.make(self.shared, film, kept, Some(counters)),
+            None => Ok(()),
+        }
+    }
+
+    /// Makes the last checkpoint of the render, and waits until it is written.
+    pub(crate) fn end_checkpoints(&mut self, job: &RenderJob, film: &Film) -> Result<(), RenderError> {
+        let Some(mut checkpoints) = self.checkpoints.take() else { return Ok(()) };
+        checkpoints.end(self.shared, film, self.samples(job, film))
+    }
+
+    /// Begins with the first sample of the span that `job` asks for, and a part of a film if the film has sums for it.
+    pub(crate) fn begin_part(&mut self, job: &RenderJob, gpu: &Arc<Gpu>, film: &Film) -> Result<(), RenderError> {
+        let Some(records) = film.records() else { return Ok(()) };
+        self.part = film.has_exact_sums().then(|| FilmPart::new(job, gpu)).transpose()?;
+        self.first_sample = self.part.as_ref().map_or(job.settings.span.begin, FilmPart::begin);
+        if self.first_sample > 0 {
+            FilmTransfer::new(gpu)?.clear(records, 0..records.size())?;
+            self.done = self.pixels * u64::from(self.first_sample);
+            (self.kept, self.lacks_planes) = (Some(self.done), true);
+        }
+        Ok(())
+    }
+
+    /// Takes the sums of the octave that is done; nothing is under way.
+    pub(crate) fn take_part(&mut self, film: &Film) -> Result<(), RenderError> {
+        let end = self.samples_done();
+        let Some(part) = &mut self.part else { return Ok(()) };
+        part.take(film, end)?;
+        if part.is_due() {
+            // What is not finite is counted at the end of this process: a few more or less change no sample.
+            part.write(self.shared, 0);
+        }
+        Ok(())
+    }
+
+    /// Writes the part of the film.
+    pub(crate) fn end_part(&mut self, film: &Film) -> Result<(), RenderError> {
+        let Some(mut part) = self.part.take() else { return Ok(()) };
+        if self.done.is_multiple_of(self.pixels.max(1)) {
+            part.take(film, self.samples_done())?;
+        }
+        let nonfinite = lock(&self.shared.stats).nonfinite_samples;
+        part.write(self.shared, nonfinite);
+        part.tell(self.shared);
+        Ok(())
+    }
+
+    /// Whether the images of pixel centres are not there yet, although samples are.
+    pub(crate) fn lacks_planes(&self) -> bool {
+        self.lacks_planes
+    }
+
+    /// The images of pixel centres are there.
+    pub(crate) fn has_planes(&mut self) {
+        self.lacks_planes = false;
     }
 
     /// Paths that the film had before the render, if it goes on with them.
@@ -411,12 +527,15 @@ impl<'a> FrameProgress<'a> {
     /// Whether the samples done are no octave, whose error is known.
     pub(crate) fn ends_between_octaves(&self) -> bool {
         let boundary = || next_boundary(self.done - 1, self.pixels).1;
-        self.done >= self.pixels && self.done != self.decided.unwrap_or_else(boundary) && !self.is_told()
+        let is_whole = self.first_sample == 0 && self.done >= self.pixels;
+        is_whole && self.done != self.decided.unwrap_or_else(boundary) && !self.is_told()
     }
 
     /// Takes what the film measured of these octaves, once their submission is done.
     pub(crate) fn octaves(&mut self, film: &Film, octaves: &[u32]) -> Result<(), RenderError> {
-        octaves.iter().try_for_each(|octave| self.error_row(film, *octave, Some(*octave)))?;
+        // The film of a later range has other samples than an octave.
+        let rows = octaves.iter().filter(|_| self.first_sample == 0).copied().collect::<Vec<_>>();
+        rows.into_iter().try_for_each(|octave| self.error_row(film, octave, Some(octave)))?;
         if let Some(adaptive) = film.adaptive().filter(|_| !octaves.is_empty() && !self.log.is_good_enough()) {
             adaptive.advance()?;
             self.decided = Some(adaptive.end());

@@ -56,9 +56,12 @@ impl RenderAsk {
     /// Its pictures, its own last.
     fn pictures(&self) -> VecDeque<Self> {
         let alone = Self { before: Arc::default(), ..self.clone() };
+        // Files of samples are of the host's picture.
+        let settings = Settings { checkpoint: String::new(), film_part: String::new(), ..self.settings.clone() };
         let before = self.before.iter().map(|picture| Self {
             request: picture.request.clone(),
             products: picture.files.clone().into(),
+            settings: settings.clone(),
             ..alone.clone()
         });
         before.chain([alone.clone()]).collect()
@@ -66,7 +69,7 @@ impl RenderAsk {
 
     fn job(self, scene: CommittedScene, generation: u64, goes_on: bool) -> Arc<RenderJob> {
         let Self { request, settings, options, images, files, products, before: _ } = self;
-        let CommittedScene { snapshot, primvars, meshes_made, fixed_host_bytes } = scene;
+        let CommittedScene { snapshot, primvars, identity, meshes_made, fixed_host_bytes } = scene;
         Arc::new(RenderJob {
             snapshot,
             request,
@@ -76,6 +79,7 @@ impl RenderAsk {
             files,
             products,
             primvars,
+            scene: identity,
             meshes_made,
             fixed_host_bytes,
             goes_on,
@@ -90,6 +94,8 @@ pub(crate) struct CommittedScene {
     pub(crate) snapshot: Arc<Snapshot>,
     /// The scene's primvars, and whether each is used.
     pub(crate) primvars: Arc<[PrimvarUse]>,
+    /// Hash of the scene, if something is to be known by it.
+    pub(crate) identity: Option<u128>,
     /// Meshes that the session has built so far.
     pub(crate) meshes_made: u64,
     /// Bytes of host memory that can be put nowhere else; 0 where there is no budget of it.
@@ -101,6 +107,7 @@ impl CommittedScene {
         Self {
             snapshot: Arc::clone(&job.snapshot),
             primvars: Arc::clone(&job.primvars),
+            identity: job.scene,
             meshes_made: job.meshes_made,
             fixed_host_bytes: job.fixed_host_bytes,
         }
@@ -363,7 +370,8 @@ mod tests {
 
     fn scene() -> CommittedScene {
         let snapshot = SceneDb::new().commit().snapshot;
-        CommittedScene { snapshot, primvars: Vec::new().into(), meshes_made: 0, fixed_host_bytes: 0 }
+        let primvars = Vec::new().into();
+        CommittedScene { snapshot, primvars, identity: None, meshes_made: 0, fixed_host_bytes: 0 }
     }
 
     /// Asks for a picture of this width and ends its commit; the scene is that of before.

@@ -39,6 +39,8 @@ pub(crate) struct RenderJob {
     pub(crate) products: Arc<[ProductFile]>,
     /// The scene's primvars, and whether each is used.
     pub(crate) primvars: Arc<[PrimvarUse]>,
+    /// Hash of the scene ([`oocpt_core::scene::SceneDb::identity`]), where a film is kept that is known by it.
+    pub(crate) scene: Option<u128>,
     /// Meshes that the session had built when it was posted.
     pub(crate) meshes_made: u64,
     /// Bytes of host memory that can be put nowhere else; 0 where there is no budget of it.

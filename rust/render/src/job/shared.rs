@@ -30,6 +30,10 @@ pub(crate) struct SharedState {
     /// Error reports that renders of this session have begun.
     pub(crate) reports: Mutex<Vec<String>>,
     pub(crate) messages: Mutex<Vec<Message>>,
+    /// The user was told that a live view keeps no samples in files.
+    pub(crate) told_of_live_views: AtomicBool,
+    /// Somebody asks for a checkpoint of the render under way.
+    pub(crate) wants_checkpoint: AtomicBool,
     /// True if the user was told that the last render had samples that are not finite.
     pub(crate) nonfinite_reported: AtomicBool,
     #[cfg(feature = "faults")]

@@ -115,8 +115,8 @@ impl FirstPictures {
         let film = self
             .film
             .take()
-            .filter(|film| film.fits(&job.request, false))
-            .map_or_else(|| Film::new(&device.gpu, &job.request, false), Ok::<_, GpuError>);
+            .filter(|film| film.fits(&job.request, (false, false)))
+            .map_or_else(|| Film::new(&device.gpu, &job.request, (false, false)), Ok::<_, GpuError>);
         let film = film.inspect_err(|error| tracing::debug!(%error, "no first picture")).ok()?;
         Some(FirstPicture { factor, layout, job, film })
     }

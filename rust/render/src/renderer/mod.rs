@@ -14,6 +14,7 @@ use crate::error::RenderError;
 use crate::feedback::FeedbackBuffers;
 use crate::film::Film;
 use crate::frame::context::{FrameContext, geometry_cap, in_flight, is_cpu, maps_host, paths, shrinking};
+use crate::frame::film_part::makes_part;
 use crate::frame::in_core::{ROOM_FOR_TILES, path_needs, roomy_waves, share_of_waves};
 use crate::frame::in_flight;
 use crate::frame::kept_samples::KeptSamples;
@@ -169,13 +170,16 @@ impl Renderer {
             gate.shared().report(Severity::Warning, warning.clone());
         }
         let kept = self.kept.take().filter(|kept| kept.serve(job));
-        self.make_images(device, job)?;
-        if let Some(kept) = kept {
-            progress.go_on(kept);
-        }
+        let makes_part = makes_part(gate.shared(), job);
+        self.make_images(device, job, makes_part)?;
         let Some(film) = self.film.take() else {
             return Err(RenderError::Internal("the frame's images were not made".into()));
         };
+        progress.begin_checkpoints(job, &device.gpu, &film, kept.is_none())?;
+        progress.begin_part(job, &device.gpu, &film)?;
+        if let Some(kept) = kept {
+            progress.go_on(kept);
+        }
         let tables = std::mem::take(&mut self.light_tables);
         let context = FrameContext {
             device,
@@ -195,6 +199,8 @@ impl Renderer {
         };
         let result = self.render_scene(&context, gate, progress);
         self.kept = progress.samples(job, &film).filter(|_| result.is_ok());
+        let result = result.and_then(|()| progress.end_checkpoints(job, &film));
+        let result = result.and_then(|()| progress.end_part(&film));
         self.film = Some(film);
         self.light_tables = tables;
         self.lights = Some(lights);
@@ -493,11 +499,11 @@ impl Renderer {
         Ok(device)
     }
 
-    fn make_images(&mut self, device: &Device, job: &RenderJob) -> Result<(), RenderError> {
-        let adaptive = job.settings.adaptive_sampling;
-        if !self.film.as_ref().is_some_and(|film| film.fits(&job.request, adaptive)) {
+    fn make_images(&mut self, device: &Device, job: &RenderJob, makes_part: bool) -> Result<(), RenderError> {
+        let kinds = (job.settings.adaptive_sampling, makes_part);
+        if !self.film.as_ref().is_some_and(|film| film.fits(&job.request, kinds)) {
             self.film = None;
-            self.film = Some(Film::new(&device.gpu, &job.request, adaptive)?);
+            self.film = Some(Film::new(&device.gpu, &job.request, kinds)?);
         }
         self.film.as_mut().map_or(Ok(()), |film| film.begin(job))
     }

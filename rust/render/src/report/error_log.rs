@@ -14,11 +14,11 @@ use crate::job::request::Severity;
 use crate::job::shared::SharedState;
 use crate::report::error_report::{ErrorReportHeader, InventoryLine, ReportWriter, UsageLine, VERSION};
 use crate::sync::lock;
-use crate::wave::next_boundary;
+use crate::wave::{LAST_SLOT, next_boundary};
 use oocpt_core::convergence::{ConvergenceEstimator, of_halves};
 use oocpt_core::inventory::RenderInventory;
 use oocpt_core::stats::{ErrorRow, RenderUsage};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::path::Path;
 
@@ -36,7 +36,7 @@ pub(crate) struct RowMoment {
 }
 
 /// What is known of the error of the samples that a film has.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(crate) struct ErrorHistory {
     convergence: ConvergenceEstimator,
     /// Octaves, and the upper ends of their errors if these are known.
@@ -46,6 +46,12 @@ pub(crate) struct ErrorHistory {
 }
 
 impl ErrorHistory {
+    /// Whether it may be that of a render: what is read from files may be anything.
+    pub(crate) fn is_sound(&self) -> bool {
+        let ascends = self.octaves.windows(2).all(|pair| pair[0].0 < pair[1].0);
+        ascends && self.octaves.iter().all(|(octave, _)| *octave < LAST_SLOT)
+    }
+
     /// Whether a render with this target error would have come to have so many paths.
     pub(crate) fn leads_to(&self, pixels: u64, paths: u64, target: f32) -> bool {
         let stops = |(octave, high): &(u32, Option<f64>)| is_good((*octave, *high), f64::from(target));

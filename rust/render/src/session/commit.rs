@@ -9,7 +9,7 @@ use crate::job::edits::EditQueue;
 use crate::job::request::Severity;
 use crate::job::shared::SharedState;
 use crate::report::material_report::MaterialReport;
-use crate::textures::HeightTextures;
+use crate::textures::{FileContents, HeightTextures};
 use oocpt_core::inventory::PrimvarUse;
 use oocpt_core::mesh::MeshFiles;
 use oocpt_core::partition::PartitionOptions;
@@ -19,6 +19,8 @@ use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::sync::Arc;
+use std::time::Instant;
+use xxhash_rust::xxh3::xxh3_128;
 
 /// A session's scene, and what its commits keep.
 #[derive(Debug, Default)]
@@ -28,6 +30,8 @@ pub(super) struct SessionScene {
     geometry_files: Option<Arc<GeometryFiles>>,
     /// Of the snapshot of that version.
     primvars: (u64, Arc<[PrimvarUse]>),
+    /// What its files contain.
+    contents: FileContents,
     /// What `oocpt:materialReport` was written of: edits of materials, and the file.
     material_report: (u64, String),
     /// What was said last of the budget of host memory.
@@ -77,7 +81,9 @@ impl SessionScene {
             shared.report(Severity::Warning, line);
         }
         let (primvars, meshes_made) = (self.primvars_of(commit.snapshot.version), self.db.meshes_made());
-        CommittedScene { snapshot: commit.snapshot, primvars, meshes_made, fixed_host_bytes }
+        let has_file = [&settings.checkpoint, &settings.film_part].iter().any(|file| !file.is_empty());
+        let identity = (has_file && !settings.interactive).then(|| self.identity(ask));
+        CommittedScene { snapshot: commit.snapshot, primvars, identity, meshes_made, fixed_host_bytes }
     }
 
     /// Has meshes built and kept as the settings say. With a budget of host memory gives what the scene's arrays take.
@@ -128,6 +134,18 @@ impl SessionScene {
         }
         self.host_complaint = complaint;
         lent.bytes + tables + Loader::staging_bytes()
+    }
+
+    /// The hash that films of the scene are known by.
+    fn identity(&mut self, ask: &RenderAsk) -> u128 {
+        let started = Instant::now();
+        let contents = &self.contents;
+        contents.begin();
+        let images = ask.images.as_deref();
+        let scene = self.db.identity(&|asset| contents.of(asset, images));
+        let identity = xxh3_128(format!("{scene:032x} {}", contents.of_colors(images)).as_bytes());
+        tracing::debug!(seconds = started.elapsed().as_secs_f64(), "the scene's hash");
+        identity
     }
 
     fn primvars_of(&mut self, version: u64) -> Arc<[PrimvarUse]> {

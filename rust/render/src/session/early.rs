@@ -7,6 +7,7 @@
 use crate::job::commits::RenderControl;
 use crate::session::Session;
 use crate::sync::lock;
+use std::sync::atomic::Ordering;
 
 /// The progress of a render that ends early.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -39,6 +40,13 @@ impl Session {
     /// The result that [`Session::finish_early`] would return, without ending the job.
     pub fn reached(&self, after: u64) -> Option<EarlyEnd> {
         self.early(&self.shared.control(), after)
+    }
+
+    /// Has the render under way make a checkpoint as soon as it can; false if `oocpt:checkpoint` names no file.
+    pub fn make_checkpoint(&self) -> bool {
+        let is_named = !self.settings().checkpoint.is_empty();
+        self.shared.wants_checkpoint.store(is_named, Ordering::Relaxed);
+        is_named
     }
 
     fn early(&self, control: &RenderControl, after: u64) -> Option<EarlyEnd> {

@@ -165,7 +165,7 @@ impl Session {
         let planes = request.camera.clip_planes.len();
         request.camera.clip_planes.retain(|plane| plane.is_finite());
         let is_cut = request.camera.clip_planes.len() < planes;
-        let (settings, options, images) = (self.settings(), *lock(&self.options), self.images.clone());
+        let (settings, options, images) = (self.settings().with_span(), *lock(&self.options), self.images.clone());
         let files = Arc::clone(&lock(&self.files));
         let writes = settings.write_products && !settings.interactive;
         let products = if writes { products } else { Vec::new() };

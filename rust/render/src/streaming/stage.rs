@@ -116,8 +116,8 @@ impl<'a, 'r> StreamingStage<'a, 'r> {
     fn open(&mut self, progress: &FrameProgress<'_>) {
         if self.kind == PathKind::Samples {
             self.segments.open_to(progress.open_paths());
-            self.segments
-                .cut_at(self.streamer.tracer.context.film.adaptive().map_or_else(Vec::new, AdaptiveBuffers::cuts));
+            let film = self.streamer.tracer.context.film;
+            self.segments.cut_at(film.adaptive().map_or_else(|| film.octave_cuts(), AdaptiveBuffers::cuts));
         }
     }
 
@@ -255,7 +255,7 @@ impl PathSource for StreamingStage<'_, '_> {
         let buffers = self.streamer.buffers;
         let slots = buffers.paths.capacity;
         self.kind = kind;
-        let first = self.first.unwrap_or(0);
+        let first = self.first.filter(|_| kind == PathKind::Samples).unwrap_or(0);
         self.segments = SegmentQueue::new(buffers.ended.segment_count, buffers.ended.segment_size, slots, total)
             .begin_at(first.min(total));
         self.most_paths = (total - first.min(total)).min(u64::from(slots));

@@ -8,6 +8,7 @@
 //! (`memory`). Nothing here touches the device. Textures that displace surfaces are read through the same cache
 //! (`heights`).
 
+mod contents;
 mod convert;
 mod disk;
 mod file;
@@ -31,6 +32,7 @@ mod under_way;
 /// a second, once.
 const PAUSES: [Duration; 3] = [Duration::from_millis(20), Duration::from_millis(100), Duration::from_millis(400)];
 
+pub(crate) use contents::FileContents;
 pub use file::{CacheEntry, FileReport, TextureFile};
 pub(crate) use heights::HeightTextures;
 pub use image::{BAND_BYTES, ColorTransform, ImageError, ImageInfo, ImageLibrary, SourceImage};

@@ -27,6 +27,7 @@ pub(super) fn wanted(
     let wants = |image| match image {
         PassImage::PixelCentres => film.has_planes(),
         PassImage::SampleCount => film.has_counts(),
+        PassImage::ExactSums => film.has_exact_sums(),
     };
     let needed = |row: &&PassInfo| row.when.holds(special.features, wants) && backend.has(row.pass);
     let mut wanted: Vec<&PassInfo> = PASSES.iter().filter(needed).collect();

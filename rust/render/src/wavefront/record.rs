@@ -117,7 +117,10 @@ impl WavefrontRecorder<'_> {
         for piece in self.film.pieces(wave, u64::MAX) {
             let (q, apart) = self.film.push(push.frame, piece.wave);
             let q = PushConstants { flags: push.flags, ..q }.with(push.round, push.arg0 + piece.offset);
-            self.direct(commands, Pass::Accumulate, q, piece.wave.count.min(apart));
+            commands.concurrent(|c| {
+                self.direct(c, Pass::Accumulate, q, piece.wave.count.min(apart));
+                self.direct(c, Pass::SumExact, q, piece.wave.count.min(apart));
+            });
             if let Some(octave) = piece.completes {
                 self.measure(commands, octave);
                 octaves.push(octave);

@@ -4,6 +4,7 @@
 pub(crate) mod bindings;
 mod dicing;
 mod edits;
+mod identity;
 mod invalid_prims;
 mod light;
 mod linking;

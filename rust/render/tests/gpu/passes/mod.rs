@@ -2,6 +2,7 @@
 //! The passes by themselves, with chunks and meshes that come and go without any loader: the same bits as with
 //! everything resident.
 
+mod exact_sums;
 mod handmade_scene;
 mod pass_runner;
 mod roulette;

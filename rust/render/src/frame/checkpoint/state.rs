@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: Apache-2.0
+//! What a checkpoint has beside the records of the film: how many paths they are, and what is known of their error.
+//! JSON; it may come from strangers.
+
+use crate::frame::context::paths;
+use crate::frame::kept_samples::KeptSamples;
+use crate::job::RenderJob;
+use crate::report::error_log::ErrorHistory;
+use serde::{Deserialize, Serialize};
+
+/// Changes when the records or this struct mean something else.
+const VERSION: u32 = 1;
+
+/// See the module.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "camelCase", deny_unknown_fields)]
+pub(super) struct EngineState {
+    version: u32,
+    paths: u64,
+    /// As [`KeptSamples::nonfinite`].
+    nonfinite: (u32, u32),
+    is_told: bool,
+    history: ErrorHistory,
+}
+
+impl EngineState {
+    pub(super) fn of(kept: &KeptSamples) -> Self {
+        let KeptSamples { job: _, paths, nonfinite, history, is_told } = kept;
+        Self { version: VERSION, paths: *paths, nonfinite: *nonfinite, is_told: *is_told, history: history.clone() }
+    }
+
+    pub(super) fn text(&self) -> std::io::Result<Vec<u8>> {
+        Ok(serde_json::to_vec(self)?)
+    }
+
+    pub(super) fn read(text: &[u8]) -> Result<Self, serde_json::Error> {
+        serde_json::from_slice(text)
+    }
+
+    /// The samples as those of `job`, which is of the same film; else the reason why it cannot go on with them.
+    pub(super) fn kept(self, job: &RenderJob, pixels: u64) -> Result<KeptSamples, String> {
+        let Self { version, paths: have, nonfinite, is_told, history } = self;
+        if version != VERSION {
+            return Err(format!("is a checkpoint of version {version}, not {VERSION}"));
+        }
+        if have < pixels || !history.is_sound() {
+            return Err("damaged: it says that it has samples that no checkpoint has".to_owned());
+        }
+        let samples = have.div_ceil(pixels.max(1));
+        if have > paths(job) {
+            let wanted = job.settings.samples_per_pixel;
+            return Err(format!("has {samples} samples of each pixel, more than the {wanted} that are wanted"));
+        }
+        if !history.leads_to(pixels, have, job.settings.target_error) {
+            return Err(format!("has {samples} samples of each pixel, more than the target error takes"));
+        }
+        Ok(KeptSamples { job: job.clone(), paths: have, nonfinite, history, is_told })
+    }
+}
