@@ -275,4 +275,24 @@ mod tests {
         assert_eq!(std::fs::read(&path).expect("there"), b"new");
         assert_eq!(folder.names(), ["file", "link", "other"], "nothing else is left");
     }
+
+    #[test]
+    fn only_old_leftovers_of_the_same_file_are_removed() {
+        let folder = Folder::new("stale");
+        let old = ["film.17-0.tmp", "film.17-0.tmp.tmp", "film.x-1.tmp", "film.17.tmp", "filmx.17-0.tmp", "film"];
+        let then = std::time::SystemTime::now() - Duration::from_secs(7200);
+        for name in old.iter().chain(&["film.18-3.tmp"]) {
+            let file = File::create(folder.path(name)).expect("a file");
+            if *name != "film.18-3.tmp" {
+                file.set_modified(then).expect("its time");
+            }
+        }
+        remove_stale(&folder.path("film"), Duration::from_secs(3600));
+        let mut left: Vec<&str> = old[1..].iter().copied().chain(["film.18-3.tmp"]).collect();
+        left.sort_unstable();
+        assert_eq!(folder.names(), left, "one that is being written stays, and what is another's");
+        remove_stale(&folder.path("film"), Duration::ZERO);
+        assert!(!folder.path("film.18-3.tmp").exists(), "older than that");
+        remove_stale(&folder.path("no/such/film"), Duration::ZERO);
+    }
 }
