@@ -170,6 +170,10 @@ fn settings_are_listed_in_order() {
         "OOCPT_MAX_TRANSMISSION_BOUNCES",
         "OOCPT_PIXEL_FILTER",
         "OOCPT_PIXEL_FILTER_WIDTH",
+        "OOCPT_CHECKPOINT",
+        "OOCPT_CHECKPOINT_INTERVAL",
+        "OOCPT_FILM_PART",
+        "OOCPT_SAMPLE_RANGE",
     ];
     assert_eq!(OURS[7..].iter().filter_map(|key| Settings::env_name(key)).collect::<Vec<_>>(), names, "variables");
 }
