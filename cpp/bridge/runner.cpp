@@ -78,7 +78,8 @@ bool _Try(Function&& function) noexcept
 
 /// Prints diagnostics of the host as plain lines on standard error from now on, and takes each byte SIGINT or SIGTERM
 /// that is read from `descriptor` as an interrupt: the process ends at once with status 130, unless there is a picture
-/// to wait for. A byte SIGUSR1 has a checkpoint made (`oocpt:checkpoint`). Returns 1 if a thread listens, else 0. Call it once.
+/// to wait for. A byte SIGUSR1 has a checkpoint made (`oocpt:checkpoint`). Returns 1 if a thread listens, else 0. Call
+/// it once.
 extern "C" __attribute__((visibility("default"))) int HdOocPTRunnerStart(int descriptor)
 {
     return _Try([descriptor] {

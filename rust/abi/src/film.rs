@@ -95,8 +95,8 @@ shared! {
     ///
     /// A number is cut into chunks of 32 bits at fixed places: limb `i` counts multiples of `2^(32 i - 149)` in sums,
     /// of `2^(32 i - 298)` in sums of squares. A finite float `m 2^(p - 149)` (`m` of 24 bits, `p` in 0..=253) has
-    /// chunks in up to two limbs, its square `m^2 2^(2p - 298)` in up to three. Chunks have the sign of the number. Each
-    /// limb is the sum of its chunks, without carries, and holds 2^31 of them.
+    /// chunks in up to two limbs, its square `m^2 2^(2p - 298)` in up to three. Chunks have the sign of the number.
+    /// Each limb is the sum of its chunks, without carries, and holds 2^31 of them.
     ///
     /// Of each sum the three highest limbs are kept: limb `top`, in which the largest number so far has its highest
     /// bit, or limb 2 if that is higher, and the two below. Chunks below are dropped, also those added before: what is

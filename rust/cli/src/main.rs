@@ -32,7 +32,7 @@ enum OocptCommand {
     /// Measures the renderer: runs oocpt-bench, which is built from the clone and not shipped.
     Bench(bench::Arguments),
     /// Merges parts of films, makes pictures of them, and says what they are.
-    Film(film::Arguments),
+    Film(film::FilmArguments),
     /// Draws what a render wrote about itself.
     Report(report::Arguments),
     /// Writes a generated scene as USD.

@@ -7,9 +7,9 @@
 
 use crate::container::{FilmReader, write_film};
 use crate::error::FilmError;
-use crate::exact::Exact as _;
+use crate::exact::ExactSums as _;
 use crate::header::FilmHeader;
-use crate::measure::{Measurer, OctaveError, PixelState};
+use crate::measure::{ErrorMeasurer, OctaveError, PixelState};
 use crate::ranges::{SampleRange, joined, overlap};
 use crate::tiles::{self, PIXEL, PlaneReader, TILE};
 use oocpt_abi::ExactPixel;
@@ -28,7 +28,7 @@ const MOST_TILES: usize = 16;
 /// # Errors
 /// [`FilmError`], which names the part: it is damaged, was made of something else, or has samples that another has too.
 pub fn merge(parts: &[PathBuf], film: &Path) -> Result<FilmHeader, FilmError> {
-    let mut combination = Combination::new(parts)?;
+    let mut combination = FilmCombination::new(parts)?;
     let header = combination.header().clone();
     write_film(film, &header, |writer| {
         tiles::begin(writer)?;
@@ -43,12 +43,12 @@ pub fn merge(parts: &[PathBuf], film: &Path) -> Result<FilmHeader, FilmError> {
 
 /// Some tiles of a merged film.
 #[derive(Debug)]
-pub(crate) struct Tiles {
+pub(crate) struct FilmTiles {
     /// By slot; empty where the film has no samples. Slot 0 is what is whole from sample 0 on.
     slots: Vec<Vec<ExactPixel>>,
 }
 
-impl Tiles {
+impl FilmTiles {
     /// The pixels of each plane, in the order of the header's.
     pub(crate) fn planes(&self) -> impl Iterator<Item = &[ExactPixel]> {
         self.slots.iter().filter(|slot| !slot.is_empty()).map(Vec::as_slice)
@@ -62,7 +62,7 @@ impl Tiles {
 
 /// Film files that merge.
 #[derive(Debug)]
-pub(crate) struct Combination {
+pub(crate) struct FilmCombination {
     header: FilmHeader,
     parts: Vec<(PlaneReader, Vec<usize>)>,
     /// Errors that the part with sample 0 brings.
@@ -76,7 +76,7 @@ fn slot(plane: &[SampleRange]) -> usize {
     plane.first().filter(|range| range.begin > 0).map_or(0, |range| range.octave() as usize)
 }
 
-impl Combination {
+impl FilmCombination {
     /// Opens files and finds out whether they merge.
     pub(crate) fn new(files: &[PathBuf]) -> Result<Self, FilmError> {
         let mut parts: Vec<(PlaneReader, Vec<usize>)> = Vec::new();
@@ -114,10 +114,11 @@ impl Combination {
     /// Reads all files, and gives the merged film tile by tile. Returns the errors at all octaves that are whole.
     pub(crate) fn run(
         &mut self,
-        mut sink: impl FnMut(&Tiles) -> Result<(), FilmError>,
+        mut sink: impl FnMut(&FilmTiles) -> Result<(), FilmError>,
     ) -> Result<Vec<OctaveError>, FilmError> {
         let mut left = tiles::pixels(&self.header);
-        let mut measurers: Vec<Measurer> = self.folded.iter().map(|k| Measurer::new(&self.header, 1 << k)).collect();
+        let mut measurers: Vec<ErrorMeasurer> =
+            self.folded.iter().map(|k| ErrorMeasurer::new(&self.header, 1 << k)).collect();
         let slots = self.parts.iter().flat_map(|(_, slots)| slots).collect::<std::collections::BTreeSet<_>>().len();
         // The sums, and the planes of one part, packed and unpacked.
         let count = (TILE_MEMORY / (3 * slots.max(1) * TILE * PIXEL)).clamp(1, MOST_TILES);
@@ -131,12 +132,12 @@ impl Combination {
             sink(&tiles)?;
             left -= pixels;
         }
-        let measured = measurers.into_iter().map(Measurer::finish);
+        let measured = measurers.into_iter().map(ErrorMeasurer::finish);
         Ok(self.errors.iter().cloned().chain(measured).collect())
     }
 
     /// The sums of all parts over some tiles.
-    fn read(&mut self, count: usize, pixels: usize) -> Result<Tiles, FilmError> {
+    fn read(&mut self, count: usize, pixels: usize) -> Result<FilmTiles, FilmError> {
         let mut sums: Vec<Vec<ExactPixel>> = vec![Vec::new(); SLOTS];
         for (part, slots) in &mut self.parts {
             for (slot, plane) in slots.iter().zip(part.read(count)?) {
@@ -149,12 +150,12 @@ impl Combination {
             }
         }
         debug_assert!(sums.iter().all(|sum| sum.is_empty() || sum.len() == pixels), "films of one size");
-        Ok(Tiles { slots: sums })
+        Ok(FilmTiles { slots: sums })
     }
 }
 
 /// Adds an octave to what is whole before it, and measures the error.
-pub(crate) fn fold_octave(whole: &mut [ExactPixel], octave: &[ExactPixel], measurer: &mut Measurer) {
+pub(crate) fn fold_octave(whole: &mut [ExactPixel], octave: &[ExactPixel], measurer: &mut ErrorMeasurer) {
     let state = |(sum, pixel): (&mut ExactPixel, &ExactPixel)| {
         let earlier = sum.mean();
         sum.merge(pixel);

@@ -21,19 +21,19 @@ const SPAN: u32 = 3;
 
 /// A finite float as `fraction * 2^(position - 149)`, and its sign.
 #[derive(Clone, Copy)]
-struct Parts {
+struct FloatParts {
     fraction: u32,
     position: u32,
     is_negative: bool,
 }
 
-fn parts(value: f32) -> Parts {
+fn parts(value: f32) -> FloatParts {
     let bits = value.to_bits();
     let exponent = (bits & MAGNITUDE) >> FRACTION_BITS;
     let fraction = bits & ((1 << FRACTION_BITS) - 1);
     // Subnormal numbers have the place of the smallest normal ones.
     let hidden = u32::from(exponent > 0) << FRACTION_BITS;
-    Parts { fraction: fraction | hidden, position: exponent.max(1) - 1, is_negative: bits != bits & MAGNITUDE }
+    FloatParts { fraction: fraction | hidden, position: exponent.max(1) - 1, is_negative: bits != bits & MAGNITUDE }
 }
 
 /// Bit at which the index of the lowest limb of a channel is: of the sums, then of the sums of squares.
@@ -72,7 +72,7 @@ fn add(limbs: &mut [i64; EXACT_LIMBS], lowest: &mut u32, (magnitude, position): 
 
 /// A sample's alpha in units of 2^-32, towards zero.
 fn fixed(alpha: f32) -> i64 {
-    let Parts { fraction, position, is_negative } = parts(alpha);
+    let FloatParts { fraction, position, is_negative } = parts(alpha);
     // The place of the unit; a fraction of 24 bits that lies below it by more is nothing.
     let unit = EXACT_SUM_BIAS - EXACT_ALPHA_BITS;
     let most = 1_i64 << (EXACT_ALPHA_MOST + EXACT_ALPHA_BITS);
@@ -102,7 +102,7 @@ fn value(limbs: &[i64; EXACT_LIMBS], lowest: u32, bias: u32) -> f64 {
 }
 
 /// What can be done with an [`ExactPixel`].
-pub trait Exact {
+pub trait ExactSums {
     /// Adds a sample, premultiplied rgb and alpha. Returns false if a component of its colour is not finite: the sample
     /// then counts as black, as in the plain film.
     fn add_sample(&mut self, rgba: [f32; 4]) -> bool;
@@ -143,12 +143,12 @@ fn window(pixel: &mut ExactPixel, of_squares: bool, channel: usize) -> &mut [i64
     if of_squares { &mut pixel.squares[channel] } else { &mut pixel.sum[channel] }
 }
 
-impl Exact for ExactPixel {
+impl ExactSums for ExactPixel {
     fn add_sample(&mut self, rgba: [f32; 4]) -> bool {
         let is_finite = rgba[..3].iter().all(|v| v.to_bits() & MAGNITUDE < INFINITY);
         if is_finite {
             for (channel, number) in rgba[..3].iter().enumerate() {
-                let Parts { fraction, position, is_negative } = parts(*number);
+                let FloatParts { fraction, position, is_negative } = parts(*number);
                 let square = (u64::from(fraction) * u64::from(fraction), 2 * position);
                 let terms = [(false, (u64::from(fraction), position), is_negative), (true, square, false)];
                 for (of_squares, term, is_negative) in terms {

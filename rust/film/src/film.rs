@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 //! A film in host memory: a render adds planes of samples to it, and writes it.
 
-use crate::combine::{Combination, fold, fold_octave};
+use crate::combine::{FilmCombination, fold, fold_octave};
 use crate::container::write_film;
 use crate::error::FilmError;
-use crate::exact::Exact as _;
+use crate::exact::ExactSums as _;
 use crate::header::{FilmHeader, FilmKind};
-use crate::measure::{Measurer, OctaveError};
+use crate::measure::{ErrorMeasurer, OctaveError};
 use crate::ranges::{SampleRange, overlap};
 use crate::tiles::{self, TILE};
 use oocpt_abi::ExactPixel;
@@ -17,14 +17,14 @@ use std::path::Path;
 /// Exact sums in host memory. Planes of octaves that follow each other from sample 0 on are one, and the error is
 /// measured as each octave becomes whole.
 #[derive(Clone, Debug)]
-pub struct Film {
+pub struct ExactFilm {
     header: FilmHeader,
     /// Samples and pixels by slot: 0 is what is whole from sample 0 on, others are octaves.
     planes: BTreeMap<usize, (Vec<SampleRange>, Vec<ExactPixel>)>,
     errors: Vec<OctaveError>,
 }
 
-impl Film {
+impl ExactFilm {
     /// A film without samples: `header` tells what they will depend on; its planes are taken for none.
     ///
     /// # Errors
@@ -97,7 +97,7 @@ impl Film {
             let (Some((_, pixels)), Some((_, whole))) = (self.planes.remove(&octave), self.planes.get_mut(&0)) else {
                 continue;
             };
-            let mut measurer = Measurer::new(&self.header, 1 << octave);
+            let mut measurer = ErrorMeasurer::new(&self.header, 1 << octave);
             fold_octave(whole, &pixels, &mut measurer);
             self.errors.push(measurer.finish());
         }
@@ -129,7 +129,7 @@ impl Film {
     /// # Errors
     /// [`FilmError`]; [`FilmError::Missing`]: it takes more.
     pub fn read(path: &Path, most_bytes: u64) -> Result<Self, FilmError> {
-        let mut file = Combination::new(&[path.to_owned()])?;
+        let mut file = FilmCombination::new(&[path.to_owned()])?;
         let header = file.header().clone();
         let bytes = header.pixels() * header.planes.len() as u64 * size_of::<ExactPixel>() as u64;
         if bytes > most_bytes {

@@ -5,7 +5,7 @@
 //! Guarantees: pixels of a row are summed from the left, rows in ascending order. The same film gives the same bits,
 //! however many threads there are and in whatever portions it comes. Pure; any thread.
 
-use crate::exact::Exact as _;
+use crate::exact::ExactSums as _;
 use crate::header::FilmHeader;
 use oocpt_abi::ExactPixel;
 use oocpt_core::convergence::{ConvergenceEstimator, ErrorEstimate, PictureErrorSums};
@@ -61,13 +61,13 @@ impl PixelState {
 
 /// Sums over pixels: of `s`, `d`, `ss`, `sd`, `dd`, `doubt`, and the worst pixels.
 #[derive(Clone, Debug, Default)]
-struct Totals {
+struct ErrorTotals {
     sums: [f64; 6],
     /// Error and place in the film, worst first.
     worst: Vec<(f64, u32, u32)>,
 }
 
-impl Totals {
+impl ErrorTotals {
     fn add(&mut self, sums: [f64; 6]) {
         for (sum, value) in self.sums.iter_mut().zip(sums) {
             *sum += value;
@@ -87,7 +87,7 @@ impl Totals {
 
 /// Measures a film whose pixels come in their order, in portions.
 #[derive(Debug)]
-pub(crate) struct Measurer {
+pub(crate) struct ErrorMeasurer {
     samples: u32,
     size: [u32; 2],
     /// Column and row of the film in the picture, and height of the picture.
@@ -98,10 +98,10 @@ pub(crate) struct Measurer {
     first: u32,
     /// The next row to be summed.
     next: u32,
-    totals: Totals,
+    totals: ErrorTotals,
 }
 
-impl Measurer {
+impl ErrorMeasurer {
     pub(crate) fn new(header: &FilmHeader, samples: u32) -> Self {
         let [x, y, ..] = header.identity.request.window;
         let [_, height] = header.identity.request.size;
@@ -113,7 +113,7 @@ impl Measurer {
             states: Vec::new(),
             first: 0,
             next: 0,
-            totals: Totals::default(),
+            totals: ErrorTotals::default(),
         }
     }
 
@@ -124,7 +124,7 @@ impl Measurer {
         let rows = self.first + u32::try_from(self.states.len() / width.max(1) as usize).unwrap_or(0);
         // The row above has to be there.
         let end = if rows >= height { height } else { rows.saturating_sub(1) };
-        let done: Vec<Totals> = (self.next..end).into_par_iter().map(|y| self.row(y)).collect();
+        let done: Vec<ErrorTotals> = (self.next..end).into_par_iter().map(|y| self.row(y)).collect();
         for row in done {
             self.totals.add(row.sums);
             row.worst.iter().for_each(|(error, x, y)| self.totals.meet(*error, [*x, *y]));
@@ -157,8 +157,8 @@ impl Measurer {
         self.states.get(index).copied().unwrap_or_default()
     }
 
-    fn row(&self, y: u32) -> Totals {
-        let mut totals = Totals::default();
+    fn row(&self, y: u32) -> ErrorTotals {
+        let mut totals = ErrorTotals::default();
         for x in 0..self.size[0] {
             let [s, d, doubt] = self.error_of(x, y);
             let doubt = s * doubt;

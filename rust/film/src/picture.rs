@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The picture of a film, and what is known of its error.
 
-use crate::combine::Combination;
+use crate::combine::FilmCombination;
 use crate::error::FilmError;
-use crate::exact::Exact as _;
+use crate::exact::ExactSums as _;
 use crate::header::{FilmHeader, FilmView};
-use crate::measure::{Measurer, OctaveError, PixelState, estimates};
+use crate::measure::{ErrorMeasurer, OctaveError, PixelState, estimates};
 use crate::ranges::{self, SampleRange, missing};
 use oocpt_abi::ExactPixel;
 use oocpt_core::convergence::ErrorEstimate;
@@ -41,7 +41,7 @@ impl FilmPicture {
 /// # Errors
 /// [`FilmError`], as [`crate::merge`]; [`FilmError::Missing`]: samples are missing.
 pub fn picture(films: &[PathBuf], partial: bool) -> Result<FilmPicture, FilmError> {
-    let mut combination = Combination::new(films)?;
+    let mut combination = FilmCombination::new(films)?;
     let header = combination.header().clone();
     let all = header.samples();
     let samples = ranges::samples(&all);
@@ -55,7 +55,7 @@ pub fn picture(films: &[PathBuf], partial: bool) -> Result<FilmPicture, FilmErro
         return Err(FilmError::Missing(name(), format!("samples {} are missing", holes.join(", "))));
     }
     let mut rgba: Vec<f32> = Vec::new();
-    let mut last = (missing.is_empty() && samples != header.whole()).then(|| Measurer::new(&header, samples));
+    let mut last = (missing.is_empty() && samples != header.whole()).then(|| ErrorMeasurer::new(&header, samples));
     let mut errors = combination.run(|tiles| {
         let mut planes = tiles.planes();
         let mut total = planes.next().unwrap_or_default().to_vec();
@@ -67,7 +67,7 @@ pub fn picture(films: &[PathBuf], partial: bool) -> Result<FilmPicture, FilmErro
         rgba.par_extend(total.par_iter().flat_map_iter(|pixel| color(pixel, &header.view)));
         Ok(())
     })?;
-    errors.extend(last.map(Measurer::finish));
+    errors.extend(last.map(ErrorMeasurer::finish));
     Ok(FilmPicture { header, rgba, samples, missing, errors })
 }
 

@@ -106,8 +106,8 @@ pub(crate) fn overlap(mine: &[SampleRange], its: &[SampleRange]) -> Option<Sampl
     })
 }
 
-/// What is wrong with the samples of planes, if anything: first may be those from sample 0 to the end of an octave, then
-/// come those of single octaves that do not follow them at once.
+/// What is wrong with the samples of planes, if anything: first may be those from sample 0 to the end of an octave,
+/// then come those of single octaves that do not follow them at once.
 pub(crate) fn check(planes: &[Vec<SampleRange>]) -> Result<(), &'static str> {
     let mut next = 0;
     for (index, plane) in planes.iter().enumerate() {

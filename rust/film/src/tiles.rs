@@ -4,7 +4,7 @@
 
 use crate::container::{ChunkReader, FilmReader, FilmWriter, packed};
 use crate::error::FilmError;
-use crate::exact::Exact as _;
+use crate::exact::ExactSums as _;
 use crate::header::{FilmHeader, FilmKind};
 use crate::measure::OctaveError;
 use crate::ranges;

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 /// Options of `oocpt film info`.
 #[derive(clap::Args)]
-pub(crate) struct Arguments {
+pub(crate) struct InfoArguments {
     /// Film files.
     #[arg(required = true)]
     files: Vec<PathBuf>,
@@ -98,7 +98,7 @@ impl FilmFacts {
 }
 
 /// Runs the command; fails when one of the files cannot be used.
-pub(super) fn run(arguments: &Arguments) -> Result<()> {
+pub(super) fn run(arguments: &InfoArguments) -> Result<()> {
     let mut failed = 0_usize;
     let mut samples = Vec::new();
     for path in &arguments.files {

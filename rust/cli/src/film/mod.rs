@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 
 /// Options of `oocpt film`.
 #[derive(clap::Args)]
-pub(crate) struct Arguments {
+pub(crate) struct FilmArguments {
     #[command(subcommand)]
     command: FilmCommand,
 }
@@ -20,7 +20,7 @@ pub(crate) struct Arguments {
 #[derive(clap::Subcommand)]
 enum FilmCommand {
     /// Has a Hydra host render some of a picture's samples as a part of a film.
-    Render(render::Arguments),
+    Render(render::RenderArguments),
     /// Merges parts of one film to the bits that one render would have given.
     Merge {
         /// Films of the same picture with other samples.
@@ -43,11 +43,11 @@ enum FilmCommand {
         partial: bool,
     },
     /// Says what film files are.
-    Info(info::Arguments),
+    Info(info::InfoArguments),
 }
 
 /// Runs the command.
-pub(crate) fn run(arguments: &Arguments) -> Result<()> {
+pub(crate) fn run(arguments: &FilmArguments) -> Result<()> {
     match &arguments.command {
         FilmCommand::Render(arguments) => render::run(arguments),
         FilmCommand::Merge { parts, out } => {

@@ -11,7 +11,7 @@ use std::process::Command;
 
 /// Options of `oocpt film render`.
 #[derive(clap::Args)]
-pub(crate) struct Arguments {
+pub(crate) struct RenderArguments {
     /// USD file.
     scene: PathBuf,
     /// Samples of each pixel, A..B: of a picture of B samples all but the first A.
@@ -53,7 +53,7 @@ fn setting(text: &str) -> Result<String> {
 }
 
 /// The command that renders.
-fn command(arguments: &Arguments) -> Result<Command> {
+fn command(arguments: &RenderArguments) -> Result<Command> {
     let absolute = |path: &Path| std::path::absolute(path).with_context(|| path.display().to_string());
     let out = absolute(&arguments.out)?;
     let picture = arguments.picture.clone().unwrap_or_else(|| {
@@ -76,7 +76,7 @@ fn command(arguments: &Arguments) -> Result<Command> {
 }
 
 /// Has the part rendered; returns only if the host cannot be started.
-pub(crate) fn run(arguments: &Arguments) -> Result<()> {
+pub(crate) fn run(arguments: &RenderArguments) -> Result<()> {
     let mut command = command(arguments)?;
     let error = replaced_by(&mut command);
     let program = command.get_program().display().to_string();
@@ -110,7 +110,7 @@ mod tests {
     #[derive(clap::Parser)]
     struct Line {
         #[command(flatten)]
-        arguments: Arguments,
+        arguments: RenderArguments,
     }
 
     fn words(line: &[&str]) -> Result<Vec<String>> {

@@ -3,7 +3,7 @@
 
 use super::info::FilmFacts;
 use super::*;
-use oocpt_film::{Exact as _, ExactPixel, Film, FilmHeader, FilmIdentity, FilmRequest, FilmView, SampleRange};
+use oocpt_film::{ExactFilm, ExactPixel, ExactSums as _, FilmHeader, FilmIdentity, FilmRequest, FilmView, SampleRange};
 use oocpt_render::picture::read_attributes;
 
 const SIZE: [u32; 2] = [5, 4];
@@ -31,7 +31,7 @@ fn part(folder: &Folder, begin: u32, end: u32) -> PathBuf {
     let settings = settings.map(|(key, value)| (key.to_owned(), value.to_owned())).into();
     let identity = FilmIdentity { scene: "ab12".to_owned(), request, settings, version: "0".to_owned() };
     let view = FilmView { exposure: 2.0, clear_color: [0.0; 4], error_floor: 0.01 };
-    let mut film = Film::new(FilmHeader { identity, view, ..FilmHeader::default() }).expect("a sound header");
+    let mut film = ExactFilm::new(FilmHeader { identity, view, ..FilmHeader::default() }).expect("a sound header");
     for piece in SampleRange::new(begin, end).pieces() {
         let pixel = |pixel: u16| {
             let mut sums = ExactPixel::default();
@@ -50,7 +50,7 @@ fn part(folder: &Folder, begin: u32, end: u32) -> PathBuf {
 }
 
 fn film(command: FilmCommand) -> Result<()> {
-    run(&Arguments { command })
+    run(&FilmArguments { command })
 }
 
 #[test]

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The setting that has only some of a picture's samples rendered. Pure, any thread.
 
-use super::table::MAX_SAMPLES;
 use serde::{Deserialize, Serialize};
+
+/// Largest number of samples per pixel: sample indices stay exact in f32.
+pub(super) const MAX_SAMPLES: u32 = 1 << 24;
 
 /// Samples `begin..end` of every pixel; none of them: all that `oocpt:samplesPerPixel` says.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]

@@ -4,6 +4,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::sample_span::MAX_SAMPLES;
 use super::{HostMapped, SampleSpan, SettingError, TraversalKind};
 use crate::pixel_filter::{PixelFilter, PixelFilterKind};
 use crate::residency::PolicyKind;
@@ -82,9 +83,6 @@ pub(super) enum SettingField<'a> {
     PixelFilter(&'a mut PixelFilterKind),
     Span(&'a mut SampleSpan),
 }
-
-/// Largest number of samples per pixel: sample indices stay exact in f32.
-pub(super) const MAX_SAMPLES: u32 = 1 << 24;
 
 /// Most characters of an unknown name that are compared with those of settings.
 const LONGEST_NAME: usize = 64;

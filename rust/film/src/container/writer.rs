@@ -26,14 +26,14 @@ pub struct FilmWriter {
 
 /// A chunk ready to be written.
 #[derive(Debug)]
-pub(crate) struct Packed {
+pub(crate) struct WrittenChunk {
     raw: u32,
     bytes: Vec<u8>,
 }
 
 /// Packs a chunk of at most [`MOST_CHUNK`] bytes for a block of this stride.
-pub(crate) fn packed(raw: &[u8], stride: usize) -> Packed {
-    Packed { raw: u32::try_from(raw.len()).unwrap_or(u32::MAX), bytes: packing::pack(raw, stride) }
+pub(crate) fn packed(raw: &[u8], stride: usize) -> WrittenChunk {
+    WrittenChunk { raw: u32::try_from(raw.len()).unwrap_or(u32::MAX), bytes: packing::pack(raw, stride) }
 }
 
 /// Writes a whole film file: `blocks` puts its blocks. Readers see the old file or the new one.
@@ -102,8 +102,8 @@ impl FilmWriter {
     }
 
     /// Puts a chunk into the block that was begun.
-    pub(crate) fn chunk(&mut self, chunk: &Packed) -> Result<(), FilmError> {
-        let Packed { raw, bytes } = chunk;
+    pub(crate) fn chunk(&mut self, chunk: &WrittenChunk) -> Result<(), FilmError> {
+        let WrittenChunk { raw, bytes } = chunk;
         let packed = u32::try_from(bytes.len()).map_err(|_too_long| FilmError::unfit("a chunk is too long"))?;
         let mut head = [0; CHUNK_HEAD];
         head[..4].copy_from_slice(&raw.to_le_bytes());

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Exact sums: no order, no cut changes a bit, and they are the sums.
 
-use oocpt_film::{Exact as _, ExactPixel};
+use oocpt_film::{ExactPixel, ExactSums as _};
 use proptest::prelude::*;
 
 /// Any finite number, with many from the edges of what a float holds.

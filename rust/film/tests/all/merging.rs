@@ -2,7 +2,7 @@
 //! Parts of a film merge to the bits of the whole.
 
 use crate::support::{Folder, bytes, film, parts, plane};
-use oocpt_film::{Exact as _, Film, FilmReader, SampleRange, merge, missing, picture};
+use oocpt_film::{ExactFilm, ExactSums as _, FilmReader, SampleRange, merge, missing, picture};
 use std::path::PathBuf;
 
 /// More than three tiles, of no round size.
@@ -71,14 +71,14 @@ fn a_film_goes_on_from_its_file() {
     let folder = Folder::new("goes-on");
     let [path, whole] = ["film", "whole"].map(|name| folder.path(name));
     film([9, 4], SampleRange::new(0, 11)).write(&path).expect("it can be written");
-    let mut read = Film::read(&path, 1 << 20).expect("it is small");
+    let mut read = ExactFilm::read(&path, 1 << 20).expect("it is small");
     for piece in SampleRange::new(11, 30).pieces() {
         read.add(piece, plane([9, 4], piece)).expect("it goes on");
     }
     read.write(&path).expect("it can be written");
     film([9, 4], SampleRange::new(0, 30)).write(&whole).expect("it can be written");
     assert!(bytes(&path) == bytes(&whole), "as if it had never stopped");
-    let said = Film::read(&path, 1000).expect_err("it is too large").to_string();
+    let said = ExactFilm::read(&path, 1000).expect_err("it is too large").to_string();
     assert!(said.contains("more than 1000"), "{said}");
 }
 
@@ -140,7 +140,7 @@ fn films_that_do_not_belong_together_are_refused_by_name() {
         let mut header = crate::support::header([4, 4]);
         change(&mut header);
         let path = folder.path(name);
-        Film::new(header).expect("a sound header").write(&path).expect("it can be written");
+        ExactFilm::new(header).expect("a sound header").write(&path).expect("it can be written");
         let out = folder.path("out");
         let error = merge(&[files[0].clone(), path], &out).expect_err(name).to_string();
         assert!(error.contains(&format!("{name}: does not merge with ")), "the file is named: {error}");
@@ -176,7 +176,7 @@ fn memory_does_not_grow_with_the_number_of_parts() {
         let path = folder.path(&format!("{index}"));
         let mut pixel = ExactPixel::default();
         pixel.add_sample([index as f32, 1.0, 0.5, 1.0]);
-        let mut film = Film::new(crate::support::header(size)).expect("a sound header");
+        let mut film = ExactFilm::new(crate::support::header(size)).expect("a sound header");
         film.add(SampleRange::new(index, index + 1), vec![pixel; 512 * 512]).expect("it fits");
         film.write(&path).expect("it can be written");
         path

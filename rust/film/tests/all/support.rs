@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Films of made-up samples, and folders for their files.
 
-use oocpt_film::{Exact as _, ExactPixel, Film, FilmHeader, FilmIdentity, FilmRequest, FilmView, SampleRange};
+use oocpt_film::{ExactFilm, ExactPixel, ExactSums as _, FilmHeader, FilmIdentity, FilmRequest, FilmView, SampleRange};
 use std::path::{Path, PathBuf};
 
 /// A folder that is removed at the end.
@@ -78,8 +78,8 @@ pub(crate) fn plane(size: [u32; 2], range: SampleRange) -> Vec<ExactPixel> {
 }
 
 /// A film of a range of samples.
-pub(crate) fn film(size: [u32; 2], range: SampleRange) -> Film {
-    let mut film = Film::new(header(size)).expect("a sound header");
+pub(crate) fn film(size: [u32; 2], range: SampleRange) -> ExactFilm {
+    let mut film = ExactFilm::new(header(size)).expect("a sound header");
     for piece in range.pieces() {
         film.add(piece, plane(size, piece)).expect("it fits");
     }

@@ -3,9 +3,9 @@
 //!
 //! Beside the plain film the device keeps an `ExactPixel` for each pixel. Each octave of samples has sums of its own
 //! (the error is measured at their ends): where one ends nothing is under way, its records are copied to the host, and
-//! begin again from nothing. The file is written when the render ends, and where an octave does if that is later than the
-//! interval of checkpoints: a render that was killed goes on from there. One that was given up has the octaves that are
-//! whole, and the last one if no pixel has more samples of it than another. Render thread only.
+//! begin again from nothing. The file is written when the render ends, and where an octave does if that is later than
+//! the interval of checkpoints: a render that was killed goes on from there. One that was given up has the octaves that
+//! are whole, and the last one if no pixel has more samples of it than another. Render thread only.
 
 use crate::error::RenderError;
 use crate::film::Film;
@@ -65,7 +65,7 @@ fn complain(shared: &SharedState, text: &str) {
 #[derive(Debug)]
 pub(crate) struct FilmPart {
     path: PathBuf,
-    film: oocpt_film::Film,
+    film: oocpt_film::ExactFilm,
     transfer: FilmTransfer,
     gpu: Arc<Gpu>,
     /// Samples that are to be rendered, and the first of the records on the device.
@@ -89,7 +89,7 @@ impl FilmPart {
         let (first, end) = (settings.span.begin, settings.samples_per_pixel);
         let film = match unfinished(&path, &header, first, end) {
             Some(film) => film,
-            None => oocpt_film::Film::new(header).map_err(internal)?,
+            None => oocpt_film::ExactFilm::new(header).map_err(internal)?,
         };
         let interval = Duration::try_from_secs_f32(settings.checkpoint_secs).unwrap_or(Duration::MAX);
         let now = Instant::now();
@@ -158,11 +158,11 @@ impl FilmPart {
 }
 
 /// The film of a file, if it is a part of the same one with the first of these samples, and not all.
-fn unfinished(path: &Path, header: &FilmHeader, first: u32, end: u32) -> Option<oocpt_film::Film> {
+fn unfinished(path: &Path, header: &FilmHeader, first: u32, end: u32) -> Option<oocpt_film::ExactFilm> {
     let found = FilmReader::open(path).ok()?.header().clone();
     let [range] = *found.samples() else { return None };
     let serves = found.differences(header).is_empty() && range.begin == first && range.end < end;
-    serves.then(|| oocpt_film::Film::read(path, u64::MAX).ok()).flatten()
+    serves.then(|| oocpt_film::ExactFilm::read(path, u64::MAX).ok()).flatten()
 }
 
 fn internal(error: FilmError) -> RenderError {

@@ -7,7 +7,7 @@ use crate::error::RenderError;
 use crate::film::Film;
 use crate::film::adaptive::AdaptiveBuffers;
 use crate::film::measure::{self, MeasuredError};
-use crate::frame::checkpoint::Checkpoints;
+use crate::frame::checkpoint::FilmCheckpoints;
 use crate::frame::context::is_cpu;
 use crate::frame::film_part::FilmPart;
 use crate::frame::film_transfer::FilmTransfer;
@@ -73,7 +73,7 @@ pub(crate) struct FrameProgress<'a> {
     has_left_off: bool,
     /// The film has parts of waves that were cancelled.
     is_film_lost: bool,
-    checkpoints: Option<Checkpoints>,
+    checkpoints: Option<FilmCheckpoints>,
     part: Option<FilmPart>,
     /// First sample that is rendered.
     first_sample: u32,
@@ -181,8 +181,8 @@ impl<'a> FrameProgress<'a> {
         })
     }
 
-    /// Has the checkpoints made that `job` asks for. With `is_empty` the film has no samples: it gets those of the file,
-    /// which the render goes on with.
+    /// Has the checkpoints made that `job` asks for. With `is_empty` the film has no samples: it gets those of the
+    /// file, which the render goes on with.
     pub(crate) fn begin_checkpoints(
         &mut self,
         job: &RenderJob,
@@ -191,7 +191,7 @@ impl<'a> FrameProgress<'a> {
         is_empty: bool,
     ) -> Result<(), RenderError> {
         self.checkpoints = None; // of an attempt before this one: its last file is finished
-        let Some(checkpoints) = Checkpoints::of(self.shared, job, gpu, film) else { return Ok(()) };
+        let Some(checkpoints) = FilmCheckpoints::of(self.shared, job, gpu, film) else { return Ok(()) };
         let restored = checkpoints.restored(self.shared, job, film, is_empty)?;
         if let Some((checkpoints, kept)) = restored {
             self.checkpoints = Some(checkpoints);
@@ -206,7 +206,7 @@ impl<'a> FrameProgress<'a> {
     /// Whether a checkpoint is to be made as soon as nothing is under way.
     pub(crate) fn wants_checkpoint(&self) -> bool {
         let is_whole = self.done >= self.pixels;
-        let is_due = |checkpoints: &Checkpoints| {
+        let is_due = |checkpoints: &FilmCheckpoints| {
             let wanted = self.shared.wants_checkpoint.load(Ordering::Relaxed);
             checkpoints.is_due(self.done, wanted)
         };

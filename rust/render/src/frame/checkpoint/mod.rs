@@ -43,11 +43,11 @@ const FILM: &str = "film";
 const MOST_STATE_BYTES: u64 = 16 << 20;
 
 /// What a thread that wrote a file gives back: the records of the film, to be used again, and how it went.
-type Written = (Vec<u8>, Result<(), FilmError>);
+type WrittenFilm = (Vec<u8>, Result<(), FilmError>);
 
 /// The checkpoints of a render.
 #[derive(Debug)]
-pub(crate) struct Checkpoints {
+pub(crate) struct FilmCheckpoints {
     path: PathBuf,
     header: FilmHeader,
     interval: Duration,
@@ -56,7 +56,7 @@ pub(crate) struct Checkpoints {
     gpu: Arc<Gpu>,
     /// Records of the film; empty while a thread has them.
     records: Vec<u8>,
-    writer: Option<JoinHandle<Written>>,
+    writer: Option<JoinHandle<WrittenFilm>>,
     /// Paths of the film that the file has.
     paths: u64,
     /// Paths of the film that is being written.
@@ -88,7 +88,7 @@ fn complain(shared: &SharedState, text: &str) {
     shared.report(Severity::Warning, format!("oocpt:checkpoint: {text}"));
 }
 
-impl Checkpoints {
+impl FilmCheckpoints {
     /// The checkpoints that a job asks for; none, and the user is told, where it can have none.
     pub(crate) fn of(shared: &SharedState, job: &RenderJob, gpu: &Arc<Gpu>, film: &Film) -> Option<Self> {
         if job.settings.checkpoint.is_empty() {
@@ -291,7 +291,7 @@ fn has_samples(records: &[u8], pixels: u64, paths: u64) -> bool {
     count == pixels && beyond.sum::<Option<u64>>() == Some(more)
 }
 
-impl Drop for Checkpoints {
+impl Drop for FilmCheckpoints {
     /// A file that is being written is finished, also after an error.
     fn drop(&mut self) {
         if self.writer.take().is_some_and(|writer| writer.join().is_err()) {

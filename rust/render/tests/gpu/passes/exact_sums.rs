@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The sums of `sum_exact` are those of `oocpt_film::Exact`, bit for bit, whatever the samples are.
+//! The sums of `sum_exact` are those of `oocpt_film::ExactSums`, bit for bit, whatever the samples are.
 
 use super::handmade_scene::Random;
 use super::{close_device, open};
@@ -7,7 +7,7 @@ use bytemuck::Zeroable;
 use oocpt_abi::{
     ERROR_GROUPS, ERROR_SUMS_BYTES, ExactPixel, Features, FilmPixel, FrameConstants, PushConstants, groups,
 };
-use oocpt_film::Exact as _;
+use oocpt_film::ExactSums as _;
 use oocpt_gpu::{Buffer, BufferUsage, Gpu, Pipeline};
 use oocpt_shaders::passes;
 use std::sync::Arc;
