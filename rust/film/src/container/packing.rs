@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Packs records of one size: bytes at the same place of all records are a *lane*, and a lane of one value is written
-//! once. Sums use few of the bytes that they have: a third is left, at the speed of memory.
+//! once. Sums use few of the bytes that they have: a third to half is left, at the speed of memory.
 //!
 //! Packed are a bit for each lane, set if it has several values, then the lanes in order, of one byte or of as many as
 //! there are records. With a stride of 1 nothing is packed. Pure.

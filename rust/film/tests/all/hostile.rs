@@ -46,6 +46,7 @@ fn no_bit_of_a_file_may_differ() {
         bent[at] ^= 1 << (at % 8);
         std::fs::write(&path, &bent).expect("it can be written");
         assert!(read(&path).is_err(), "byte {at} of {}", whole.len());
+        assert!(FilmReader::open(&path).and_then(|film| film.verify()).is_err(), "byte {at} is told by a check alone");
     }
 }
 
