@@ -292,6 +292,21 @@ def test_a_notebook_shows_the_colour(rendered):
     assert (pixels[..., 3] == numpy.rint(arrays["color"][..., 3] * 255)).all()
 
 
+GOING_ON = """
+import sys, numpy, oocpt
+scene, file = sys.argv[1], sys.argv[2] + "/samples"
+of = lambda samples, **more: oocpt.render(scene, camera="/front", width=24, samples=samples, camera_light=False, **more)
+at_once, first, then = of(4), of(2, checkpoint=file), of(4, checkpoint=file)
+assert then.statistics["oocpt:samplesKept"] == 2 and first.statistics["oocpt:samplesKept"] == 0, then.statistics
+assert (then["color"] == at_once["color"]).all() and (first["color"] != at_once["color"]).any()
+"""
+
+
+def test_a_render_goes_on_from_a_checkpoint(installed, scene, tmp_path):
+    done = run(installed, "-c", GOING_ON, scene, tmp_path)
+    assert done.returncode == 0, done.stderr
+
+
 def test_record_writes_what_render_returns(installed, scene, rendered, tmp_path):
     import OpenImageIO as oiio
 

@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Keeps the session's stats, timings and published images up to date while a frame renders.
 
+mod errors;
+mod files;
+
 use crate::assets::SceneAssets;
 use crate::device::Device;
 use crate::error::RenderError;
 use crate::film::Film;
-use crate::film::adaptive::AdaptiveBuffers;
-use crate::film::measure::{self, MeasuredError};
 use crate::frame::checkpoint::FilmCheckpoints;
 use crate::frame::context::is_cpu;
 use crate::frame::film_part::FilmPart;
-use crate::frame::film_transfer::FilmTransfer;
 use crate::frame::kept_samples::KeptSamples;
 use crate::host_memory;
 use crate::job::RenderJob;
@@ -21,16 +21,14 @@ use crate::job::shared::SharedState;
 use crate::job::timings::RenderTimings;
 use crate::job::window::PictureLayout;
 use crate::report::closing_words;
-use crate::report::error_log::{ErrorLog, RowMoment};
+use crate::report::error_log::ErrorLog;
 use crate::report::progress_bar::{BarState, ProgressBar};
 use crate::sync::lock;
-use crate::wave::{LAST_SLOT, Wave, next_boundary};
+use crate::wave::Wave;
 use oocpt_abi::WavefrontCounters;
-use oocpt_core::adaptive::AdaptiveUsage;
 use oocpt_core::inventory::RenderInventory;
 use oocpt_core::stats::{RenderStats, RenderUsage, StreamingStats};
-use oocpt_gpu::{Buffer, Gpu};
-use std::sync::Arc;
+use oocpt_gpu::Gpu;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
@@ -179,97 +177,6 @@ impl<'a> FrameProgress<'a> {
             history: self.log.history(),
             is_told: self.is_finished || self.is_told(),
         })
-    }
-
-    /// Has the checkpoints made that `job` asks for. With `is_empty` the film has no samples: it gets those of the
-    /// file, which the render goes on with.
-    pub(crate) fn begin_checkpoints(
-        &mut self,
-        job: &RenderJob,
-        gpu: &Arc<Gpu>,
-        film: &Film,
-        is_empty: bool,
-    ) -> Result<(), RenderError> {
-        self.checkpoints = None; // of an attempt before this one: its last file is finished
-        let Some(checkpoints) = FilmCheckpoints::of(self.shared, job, gpu, film) else { return Ok(()) };
-        let restored = checkpoints.restored(self.shared, job, film, is_empty)?;
-        if let Some((checkpoints, kept)) = restored {
-            self.checkpoints = Some(checkpoints);
-            if let Some(kept) = kept {
-                self.lacks_planes = true;
-                self.go_on(kept);
-            }
-        }
-        Ok(())
-    }
-
-    /// Whether a checkpoint is to be made as soon as nothing is under way.
-    pub(crate) fn wants_checkpoint(&self) -> bool {
-        let is_whole = self.done >= self.pixels;
-        let is_due = |checkpoints: &FilmCheckpoints| {
-            let wanted = self.shared.wants_checkpoint.load(Ordering::Relaxed);
-            checkpoints.is_due(self.done, wanted)
-        };
-        is_whole && self.checkpoints.as_ref().is_some_and(is_due)
-    }
-
-    /// Makes a checkpoint of what the film has; nothing is under way. `counters` are those of the stage.
-    pub(crate) fn make_checkpoint(
-        &mut self,
-        job: &RenderJob,
-        film: &Film,
-        counters: &Buffer,
-    ) -> Result<(), RenderError> {
-        let Some(kept) = self.samples(job, film) else { return Ok(()) };
-        let kept = KeptSamples { nonfinite: (self.before.nonfinite, kept.nonfinite.1), ..kept };
-        self.shared.wants_checkpoint.store(false, Ordering::Relaxed);
-        match &mut self.checkpoints {
-            Some(checkpoints) => checkpoints.make(self.shared, film, kept, Some(counters)),
-            None => Ok(()),
-        }
-    }
-
-    /// Makes the last checkpoint of the render, and waits until it is written.
-    pub(crate) fn end_checkpoints(&mut self, job: &RenderJob, film: &Film) -> Result<(), RenderError> {
-        let Some(mut checkpoints) = self.checkpoints.take() else { return Ok(()) };
-        checkpoints.end(self.shared, film, self.samples(job, film))
-    }
-
-    /// Begins with the first sample of the span that `job` asks for, and a part of a film if the film has sums for it.
-    pub(crate) fn begin_part(&mut self, job: &RenderJob, gpu: &Arc<Gpu>, film: &Film) -> Result<(), RenderError> {
-        let Some(records) = film.records() else { return Ok(()) };
-        self.part = film.has_exact_sums().then(|| FilmPart::new(job, gpu)).transpose()?;
-        self.first_sample = self.part.as_ref().map_or(job.settings.span.begin, FilmPart::begin);
-        if self.first_sample > 0 {
-            FilmTransfer::new(gpu)?.clear(records, 0..records.size())?;
-            self.done = self.pixels * u64::from(self.first_sample);
-            (self.kept, self.lacks_planes) = (Some(self.done), true);
-        }
-        Ok(())
-    }
-
-    /// Takes the sums of the octave that is done; nothing is under way.
-    pub(crate) fn take_part(&mut self, film: &Film) -> Result<(), RenderError> {
-        let end = self.samples_done();
-        let Some(part) = &mut self.part else { return Ok(()) };
-        part.take(film, end)?;
-        if part.is_due() {
-            // What is not finite is counted at the end of this process: a few more or less change no sample.
-            part.write(self.shared, 0);
-        }
-        Ok(())
-    }
-
-    /// Writes the part of the film.
-    pub(crate) fn end_part(&mut self, film: &Film) -> Result<(), RenderError> {
-        let Some(mut part) = self.part.take() else { return Ok(()) };
-        if self.done.is_multiple_of(self.pixels.max(1)) {
-            part.take(film, self.samples_done())?;
-        }
-        let nonfinite = lock(&self.shared.stats).nonfinite_samples;
-        part.write(self.shared, nonfinite);
-        part.tell(self.shared);
-        Ok(())
     }
 
     /// Whether the images of pixel centres are not there yet, although samples are.
@@ -491,90 +398,6 @@ impl<'a> FrameProgress<'a> {
         drop(stats);
         if stack_overflows > 0 {
             return Err(RenderError::StackOverflow { count: u64::from(stack_overflows) });
-        }
-        Ok(())
-    }
-
-    /// Whether waves are to end where octaves of samples do.
-    pub(crate) fn wants_octaves(&self) -> bool {
-        self.log.wants_octaves()
-    }
-
-    /// Whether a submission that completes these octaves is to end with an image, to be compared.
-    pub(crate) fn compares(&self, octaves: &[u32]) -> bool {
-        !octaves.is_empty() && self.log.wants_pictures()
-    }
-
-    /// Paths that may begin, by the target error.
-    pub(crate) fn open_paths(&self) -> u64 {
-        self.log.open_paths().min(self.total_paths()).min(self.decided.unwrap_or(u64::MAX))
-    }
-
-    /// Learns which samples are decided, if they do not go everywhere alike; gives the paths that no wave may go
-    /// across.
-    pub(crate) fn begin_samples(&mut self, film: &Film) -> Vec<u64> {
-        self.decided = film.adaptive().map(AdaptiveBuffers::end);
-        film.adaptive().map_or_else(Vec::new, AdaptiveBuffers::cuts)
-    }
-
-    /// Relative variance that a path leaves in its pixel, by the picture's error as last estimated.
-    pub(crate) fn variance_per_path(&self) -> Option<f64> {
-        let stats = lock(&self.shared.stats);
-        let row = stats.error.as_ref()?;
-        Some(row.estimate?.rel_mse * f64::from(row.samples))
-    }
-
-    /// Whether the samples done are no octave, whose error is known.
-    pub(crate) fn ends_between_octaves(&self) -> bool {
-        let boundary = || next_boundary(self.done - 1, self.pixels).1;
-        let is_whole = self.first_sample == 0 && self.done >= self.pixels;
-        is_whole && self.done != self.decided.unwrap_or_else(boundary) && !self.is_told()
-    }
-
-    /// Takes what the film measured of these octaves, once their submission is done.
-    pub(crate) fn octaves(&mut self, film: &Film, octaves: &[u32]) -> Result<(), RenderError> {
-        // The film of a later range has other samples than an octave.
-        let rows = octaves.iter().filter(|_| self.first_sample == 0).copied().collect::<Vec<_>>();
-        rows.into_iter().try_for_each(|octave| self.error_row(film, octave, Some(octave)))?;
-        if let Some(adaptive) = film.adaptive().filter(|_| !octaves.is_empty() && !self.log.is_good_enough()) {
-            adaptive.advance()?;
-            self.decided = Some(adaptive.end());
-        }
-        Ok(())
-    }
-
-    /// As [`Self::octaves`], for the last picture; `measured` unless an octave was its end.
-    pub(crate) fn error_at_end(&mut self, film: &Film, measured: bool) -> Result<(), RenderError> {
-        if measured {
-            self.error_row(film, LAST_SLOT, None)?;
-        }
-        self.log.finish(self.shared);
-        Ok(())
-    }
-
-    fn error_row(&mut self, film: &Film, slot: u32, octave: Option<u32>) -> Result<(), RenderError> {
-        let Some(measured) = measure::read(film, slot, &self.layout)? else { return Ok(()) };
-        let streaming = lock(&self.shared.stats).streaming.clone();
-        // Streaming knows when the device had something to do.
-        let counts = !(streaming.in_core || streaming.is_split);
-        let tracing = if counts { streaming.seconds_tracing } else { self.trace_started.elapsed().as_secs_f64() };
-        let moment = RowMoment {
-            seconds: self.started.elapsed().as_secs_f64(),
-            seconds_tracing: tracing,
-            bytes_paged: streaming.bytes_paged,
-            // Streaming counts what is handed to the device; an epoch is all there is then.
-            samples: if self.decided.is_some() { self.samples_done() } else { measured.fewest },
-        };
-        if let Some(usage) = film.adaptive().and_then(AdaptiveBuffers::usage) {
-            let MeasuredError { fewest, most, .. } = measured;
-            lock(&self.shared.stats).adaptive = Some(AdaptiveUsage { fewest, most, ..usage });
-        }
-        let began = Instant::now();
-        self.log.row(self.shared, measured, octave, moment);
-        if self.log.wants_pictures() {
-            // Comparing with a reference is no part of rendering.
-            self.started += began.elapsed();
-            self.trace_started += began.elapsed();
         }
         Ok(())
     }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Placeholders for the number of the frame in the names of products: `<F4>` and `<F>` (Katana, RenderMan), `$F4` and
+//! Placeholders for the number of the frame in the names of products: `<F4>` and `<F>` (Katana, `RenderMan`), `$F4` and
 //! `$F` (Houdini), `####`. Pure.
 
 /// Most digits of a placeholder.

@@ -265,9 +265,7 @@ mod tests {
         usize::try_from(*random >> 33).expect("31 bits") % below
     }
 
-    #[test]
-    fn random_products_are_exr_files_or_warnings() {
-        let mut random = 5;
+    fn random_product(random: &mut u64) -> RenderProduct {
         let texts = [
             "",
             "Ci",
@@ -295,31 +293,37 @@ mod tests {
             "..",
             "\u{0}",
         ];
+        let mut text = || texts[next(random, texts.len())].to_owned();
+        let vars = [(); 3].map(|()| ProductVar {
+            prim: text(),
+            data_type: text(),
+            source_name: text(),
+            source_type: text(),
+            settings: vec![("driver:parameters:aov:name".into(), text())],
+        });
+        let settings = vec![(COMPRESSION[0].into(), text())];
+        let (prim, kind, name) = (text(), text(), text());
+        let sides = [0, 1, 7, 65_536, u32::MAX];
+        RenderProduct {
+            prim,
+            kind: if next(random, 2) == 0 { "raster".into() } else { kind },
+            name,
+            vars: vars[..next(random, 4)].to_vec(),
+            settings,
+            pixel_aspect: [1.0, 2.5, -1.0, f32::NAN, 1e-3][next(random, 5)],
+            display_size: [sides[next(random, 5)], sides[next(random, 5)]],
+            data_corner: [i32::MIN, i32::MAX],
+            frame: [None, Some(f64::MAX), Some(-3.0)][next(random, 3)],
+            picture: (next(random, 2) == 0).then(|| picture(sides[next(random, 5)])),
+        }
+    }
+
+    #[test]
+    fn random_products_are_exr_files_or_warnings() {
+        let mut random = 5;
         let mut written = 0;
         for _ in 0..10_000 {
-            let mut text = || texts[next(&mut random, texts.len())].to_owned();
-            let vars = [(); 3].map(|()| ProductVar {
-                prim: text(),
-                data_type: text(),
-                source_name: text(),
-                source_type: text(),
-                settings: vec![("driver:parameters:aov:name".into(), text())],
-            });
-            let settings = vec![(COMPRESSION[0].into(), text())];
-            let (prim, kind, name) = (text(), text(), text());
-            let sides = [0, 1, 7, 65_536, u32::MAX];
-            let product = RenderProduct {
-                prim,
-                kind: if next(&mut random, 2) == 0 { "raster".into() } else { kind },
-                name,
-                vars: vars[..next(&mut random, 4)].to_vec(),
-                settings,
-                pixel_aspect: [1.0, 2.5, -1.0, f32::NAN, 1e-3][next(&mut random, 5)],
-                display_size: [sides[next(&mut random, 5)], sides[next(&mut random, 5)]],
-                data_corner: [i32::MIN, i32::MAX],
-                frame: [None, Some(f64::MAX), Some(-3.0)][next(&mut random, 3)],
-                picture: (next(&mut random, 2) == 0).then(|| picture(sides[next(&mut random, 5)])),
-            };
+            let product = random_product(&mut random);
             let plan = plan(std::slice::from_ref(&product));
             let files: Vec<&ProductFile> =
                 plan.of_host.iter().chain(plan.before.iter().flat_map(|p| &p.files)).collect();
