@@ -37,6 +37,7 @@ LISTED = [
     "oocpt:geometryCache", "oocpt:geometryCacheSize", "oocpt:pipelineCache",
     "oocpt:maxDiffuseBounces", "oocpt:maxSpecularBounces", "oocpt:maxTransmissionBounces",
     "oocpt:pixelFilter", "oocpt:pixelFilterWidth", "oocpt:products",
+    "oocpt:checkpoint", "oocpt:checkpointInterval", "oocpt:filmPart", "oocpt:sampleRange",
     "convergedSamplesPerPixel", "enableInteractive", "domeLightCameraVisibility", "enableSceneLights",
 ]  # fmt: skip
 # Tools for developing the renderer: they work wherever a setting can be given, and no host lists them.
