@@ -26,7 +26,10 @@ fn render(row: &Row, forced_features: ForcedFeatures) -> (RenderInventory, Vec<V
     let report = std::env::temp_dir().join(format!("oocpt-features-{}.json", std::process::id()));
     let chunk_report =
         if row.also == Also::ChunkReport { report.to_string_lossy().into_owned() } else { String::new() };
+    let part = std::env::temp_dir().join(format!("oocpt-features-{}.film", std::process::id()));
+    let film_part = if row.also == Also::FilmPart { part.to_string_lossy().into_owned() } else { String::new() };
     let settings = Settings {
+        film_part,
         adaptive_sampling: row.also == Also::Adaptive,
         pixel_filter: if row.also == Also::Filter { PixelFilterKind::Gaussian } else { PixelFilterKind::Box },
         max_diffuse_bounces: if row.also == Also::Kinds { 1 } else { Settings::default().max_diffuse_bounces },
@@ -73,6 +76,9 @@ fn render(row: &Row, forced_features: ForcedFeatures) -> (RenderInventory, Vec<V
     support::render(&session, &request);
     if row.also == Also::ChunkReport {
         std::fs::remove_file(report).expect("the report was written");
+    }
+    if row.also == Also::FilmPart {
+        std::fs::remove_file(part).expect("the part was written");
     }
     let kinds: Vec<AovKind> = request.aovs.iter().map(|aov| aov.kind).collect();
     let images = kinds.into_iter().map(|kind| read::<u8>(&session, &request, kind)).collect();

@@ -107,6 +107,7 @@ pub(crate) const ROWS: &[Row] = &[
         also: Also::Counts,
         ..BARE
     },
+    Row { what: "a part of a film", passes: &[&["sum_exact"]], also: Also::FilmPart, ..BARE },
     Row {
         what: "adaptive sampling",
         features: &["ADAPTIVE"],

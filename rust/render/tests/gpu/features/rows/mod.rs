@@ -41,6 +41,7 @@ pub(crate) enum Also {
     Depth,
     Albedo,
     Counts,
+    FilmPart,
     Streaming,
     Mapped,
     Roulette,
