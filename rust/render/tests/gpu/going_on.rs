@@ -177,7 +177,7 @@ fn each_setting_goes_on_or_begins_again_as_its_row_says() {
             }
         }
     }
-    assert!(went_on == 5 && began > 12, "{went_on} settings go on, {began} begin again");
+    assert!(went_on == 6 && began > 12, "{went_on} settings go on, {began} begin again");
 }
 
 #[test]
