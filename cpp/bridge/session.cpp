@@ -259,7 +259,9 @@ void HdOocPTSession::Render(const HdOocPTRenderRequest& request)
             GfMatrix4d viewToWorld(1.0);
             std::copy_n(desc.world_from_view.begin(), 16, viewToWorld.GetArray());
             HdOocPTDescribeCamera(*_impl->reader, request.cameraPath, viewToWorld, &desc, &_impl->warnings);
-            products = HdOocPTDescribeProducts(*_impl->reader, request, hasLens, &_impl->warnings);
+            if ((*_impl->session)->writes_products()) {
+                products = HdOocPTDescribeProducts(*_impl->reader, request, hasLens, &_impl->warnings);
+            }
         }
         const auto isMotion = [](const HdOocPTAovRequest& aov) { return aov.name == HdOocPTSceneTokens->motion; };
         if (_impl->reader && !_impl->reader->IsShutterOpen()

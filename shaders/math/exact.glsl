@@ -56,8 +56,8 @@ int64_t exact_alpha(float alpha) {
     const uint bits = floatBitsToUint(alpha);
     const FloatParts parts = float_parts(bits);
     int64_t magnitude;
-    if ((bits & 0x7fffffffu) >= (127u + EXACT_ALPHA_MOST) << 23) {
-        magnitude = 1l << (EXACT_ALPHA_MOST + EXACT_ALPHA_BITS);
+    if ((bits & 0x7fffffffu) >= (127u + MAX_EXACT_ALPHA) << 23) {
+        magnitude = 1l << (MAX_EXACT_ALPHA + EXACT_ALPHA_BITS);
     } else if (parts.position >= unit) {
         magnitude = int64_t(uint64_t(parts.fraction)) << (parts.position - unit);
     } else {

@@ -12,9 +12,6 @@
 #extension GL_GOOGLE_include_directive : require
 #include "wavefront/wavefront.glsl"
 
-const float MAX_ERROR = 1e15; // what one pixel may count: squares of it, and sums of those, are floats
-const float TRUST = 4.0; // squared standard errors by which a mean has to differ from its neighbours to be believed
-
 struct PixelError {
     float s;
     float d;
@@ -43,7 +40,7 @@ uint fewest_of(uint pixel) {
 
 float average(vec3 v) {
     // min() takes NaN away as well: it returns its first argument then.
-    return min(MAX_ERROR, (v.x + v.y + v.z) * (1.0 / 3.0));
+    return min(MAX_PIXEL_ERROR, (v.x + v.y + v.z) * (1.0 / 3.0));
 }
 
 // Sum and sum of squares of the neighbours' means; returns their number.
@@ -80,7 +77,7 @@ PixelError error_of(uint pixel) {
         const vec3 around = sum / float(count);
         const vec3 spread = max(squares / float(count) - around * around, vec3(0.0));
         const vec3 apart = mean - around;
-        const vec3 keep = clamp(1.0 - TRUST * variance / max(apart * apart, vec3(1e-30)), vec3(0.0), vec3(1.0));
+        const vec3 keep = clamp(1.0 - MEAN_TRUST * variance / max(apart * apart, vec3(1e-30)), vec3(0.0), vec3(1.0));
         level = around + keep * apart;
         level_variance = keep * keep * variance + (1.0 - keep) * (1.0 - keep) * spread;
     }

@@ -33,11 +33,11 @@ shared! {
 }
 
 /// Bytes of a [`FilmPixel`].
-#[allow(clippy::cast_possible_truncation, reason = "small")]
+#[allow(clippy::cast_possible_truncation, reason = "the size of a struct")]
 pub const FILM_PIXEL_BYTES: u32 = size_of::<FilmPixel>() as u32;
 
 /// Bytes of an [`ErrorSums`].
-#[allow(clippy::cast_possible_truncation, reason = "small")]
+#[allow(clippy::cast_possible_truncation, reason = "the size of a struct")]
 pub const ERROR_SUMS_BYTES: u32 = size_of::<ErrorSums>() as u32;
 
 /// Largest number of workgroups of `measure_error`.
@@ -85,7 +85,7 @@ pub const EXACT_SQUARE_BIAS: u32 = 2 * EXACT_SUM_BIAS;
 /// Fractional bits of `ExactPixel::alpha`.
 pub const EXACT_ALPHA_BITS: u32 = 32;
 /// Power of two at which the magnitude of a sample's alpha is cut off.
-pub const EXACT_ALPHA_MOST: u32 = 20;
+pub const MAX_EXACT_ALPHA: u32 = 20;
 /// Bits of an index in `ExactPixel::lowest`; those of the sums of squares are behind those of the sums.
 pub const EXACT_LOWEST_BITS: u32 = 4;
 

@@ -48,6 +48,10 @@ floats! {
     SHARP_ROUGHNESS = 0.01;
     /// Stands in place of the offset of a fibre, which is in -1..1: its normal gives the position.
     HAIR_BY_NORMAL = 2.0;
+    /// What one pixel may count in the error of a picture: squares of it, and sums of those, are floats.
+    MAX_PIXEL_ERROR = 1.0e15;
+    /// Squared standard errors by which a pixel's mean has to differ from its neighbours' to be believed.
+    MEAN_TRUST = 4.0;
     /// Number of steps along u and v of a packed Ptex position: 17 bits each.
     PTEX_STEPS = 131_072.0;
 }

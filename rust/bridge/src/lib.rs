@@ -468,6 +468,7 @@ mod ffi {
         fn set_setting(self: &Session, key: &str, value: &ScalarValue) -> Result<SettingOutcome>;
         fn clear_setting(self: &Session, key: &str) -> Result<SettingOutcome>;
         fn render(self: &Session, request: RenderDesc, products: Vec<ProductDesc>) -> Result<()>;
+        fn writes_products(self: &Session) -> Result<bool>;
         fn is_converged(self: &Session) -> Result<bool>;
         fn pause(self: &Session) -> Result<()>;
         fn resume(self: &Session) -> Result<()>;

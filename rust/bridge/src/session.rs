@@ -151,6 +151,11 @@ impl Session {
         })
     }
 
+    /// Returns true if products that are handed over with a request are written.
+    pub(crate) fn writes_products(&self) -> Result<bool, BridgeError> {
+        guard("writes_products", || Ok(self.inner.writes_products()))
+    }
+
     /// Returns true if the images are final.
     pub(crate) fn is_converged(&self) -> Result<bool, BridgeError> {
         guard("is_converged", || Ok(self.inner.is_converged()))

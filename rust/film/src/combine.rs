@@ -21,7 +21,7 @@ const SLOTS: usize = 33;
 /// Memory for tiles, bytes.
 const TILE_MEMORY: usize = 40 << 20;
 /// Most tiles at a time.
-const MOST_TILES: usize = 16;
+const MAX_TILES: usize = 16;
 
 /// Merges film files into one: `parts` may come in any order.
 ///
@@ -72,7 +72,7 @@ pub(crate) struct FilmCombination {
 }
 
 /// The slot of a plane.
-fn slot(plane: &[SampleRange]) -> usize {
+pub(crate) fn slot(plane: &[SampleRange]) -> usize {
     plane.first().filter(|range| range.begin > 0).map_or(0, |range| range.octave() as usize)
 }
 
@@ -121,7 +121,7 @@ impl FilmCombination {
             self.folded.iter().map(|k| ErrorMeasurer::new(&self.header, 1 << k)).collect();
         let slots = self.parts.iter().flat_map(|(_, slots)| slots).collect::<std::collections::BTreeSet<_>>().len();
         // The sums, and the planes of one part, packed and unpacked.
-        let count = (TILE_MEMORY / (3 * slots.max(1) * TILE * PIXEL)).clamp(1, MOST_TILES);
+        let count = (TILE_MEMORY / (3 * slots.max(1) * TILE * PIXEL)).clamp(1, MAX_TILES);
         while left > 0 {
             let pixels = left.min(count * TILE);
             let mut tiles = self.read(count, pixels)?;

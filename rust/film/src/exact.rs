@@ -5,7 +5,7 @@
 //! and never fused: the same bits on every machine. Pure; any thread.
 
 use oocpt_abi::{
-    EXACT_ALPHA_BITS, EXACT_ALPHA_MOST, EXACT_LIMBS, EXACT_LOWEST_BITS, EXACT_SQUARE_BIAS, EXACT_SUM_BIAS, ExactPixel,
+    EXACT_ALPHA_BITS, EXACT_LIMBS, EXACT_LOWEST_BITS, EXACT_SQUARE_BIAS, EXACT_SUM_BIAS, ExactPixel, MAX_EXACT_ALPHA,
 };
 
 /// Bits of a limb's chunk.
@@ -75,8 +75,8 @@ fn fixed(alpha: f32) -> i64 {
     let FloatParts { fraction, position, is_negative } = parts(alpha);
     // The place of the unit; a fraction of 24 bits that lies below it by more is nothing.
     let unit = EXACT_SUM_BIAS - EXACT_ALPHA_BITS;
-    let most = 1_i64 << (EXACT_ALPHA_MOST + EXACT_ALPHA_BITS);
-    let limit = (127 + EXACT_ALPHA_MOST) << FRACTION_BITS;
+    let most = 1_i64 << (MAX_EXACT_ALPHA + EXACT_ALPHA_BITS);
+    let limit = (127 + MAX_EXACT_ALPHA) << FRACTION_BITS;
     let magnitude = if alpha.to_bits() & MAGNITUDE >= limit {
         most
     } else if position >= unit {

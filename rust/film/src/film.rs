@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! A film in host memory: a render adds planes of samples to it, and writes it.
 
-use crate::combine::{FilmCombination, fold, fold_octave};
+use crate::combine::{FilmCombination, fold, fold_octave, slot};
 use crate::container::write_film;
 use crate::error::FilmError;
 use crate::exact::ExactSums as _;
@@ -140,9 +140,8 @@ impl ExactFilm {
             all.iter_mut().zip(tiles.planes()).for_each(|(plane, pixels)| plane.extend_from_slice(pixels));
             Ok(())
         })?;
-        let octave = |plane: &[SampleRange]| plane.first().filter(|r| r.begin > 0).map_or(0, |r| r.octave() as usize);
         let planes =
-            header.planes.iter().map(|plane| octave(plane)).zip(header.planes.iter().cloned().zip(all)).collect();
+            header.planes.iter().map(|plane| slot(plane)).zip(header.planes.iter().cloned().zip(all)).collect();
         Ok(Self { header, planes, errors })
     }
 }

@@ -6,8 +6,8 @@ use crate::ranges::{self, SampleRange, joined};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 
-/// Most pixels of a film.
-pub(crate) const MAX_PIXELS: u64 = 1 << 28;
+/// Most pixels of a film, and so of a picture.
+pub const MAX_PIXELS: u64 = 1 << 28;
 
 /// What the planes of a film are.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]

@@ -25,7 +25,7 @@ pub use container::{FilmReader, FilmWriter, write_film};
 pub use error::FilmError;
 pub use exact::ExactSums;
 pub use film::ExactFilm;
-pub use header::{FilmHeader, FilmKind, FilmView};
+pub use header::{FilmHeader, FilmKind, FilmView, MAX_PIXELS};
 pub use identity::{FilmIdentity, FilmRequest};
 pub use measure::{OctaveError, estimates};
 pub use oocpt_abi::ExactPixel;

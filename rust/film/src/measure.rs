@@ -7,16 +7,12 @@
 
 use crate::exact::ExactSums as _;
 use crate::header::FilmHeader;
-use oocpt_abi::ExactPixel;
+use oocpt_abi::{ExactPixel, MAX_PIXEL_ERROR, MEAN_TRUST};
 use oocpt_core::convergence::{ConvergenceEstimator, ErrorEstimate, PictureErrorSums};
 use oocpt_core::stats::WorstPixel;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// What one pixel may count, as on the device.
-const MAX_ERROR: f64 = 1e15;
-/// Squared standard errors by which a mean has to differ from its neighbours to be believed.
-const TRUST: f64 = 4.0;
 /// Number of worst pixels that are told.
 const WORST: usize = 8;
 
@@ -197,7 +193,7 @@ impl ErrorMeasurer {
                 let around = sum / count;
                 let spread = (squares / count - around * around).max(0.0);
                 let apart = mean - around;
-                let keep = (1.0 - TRUST * variance / (apart * apart).max(1e-30)).clamp(0.0, 1.0);
+                let keep = (1.0 - f64::from(MEAN_TRUST) * variance / (apart * apart).max(1e-30)).clamp(0.0, 1.0);
                 level = around + keep * apart;
                 level_variance = keep * keep * variance + (1.0 - keep) * (1.0 - keep) * spread;
             }
@@ -207,6 +203,7 @@ impl ErrorMeasurer {
             worst_doubt = worst_doubt.max(2.0 * level.abs() * level_variance.sqrt() / divisor);
         }
         // min() takes NaN away as well.
-        [MAX_ERROR.min(s / 3.0), MAX_ERROR.min(d / 3.0), worst_doubt.min(1.0)]
+        let [s, d] = [s / 3.0, d / 3.0].map(|error: f64| f64::from(MAX_PIXEL_ERROR).min(error));
+        [s, d, worst_doubt.min(1.0)]
     }
 }

@@ -54,8 +54,7 @@ impl SampleRange {
     pub fn pieces(self) -> impl Iterator<Item = Self> {
         let mut begin = self.begin;
         std::iter::from_fn(move || {
-            let octave = u32::BITS - begin.leading_zeros();
-            let end = 1_u32.checked_shl(octave).map_or(self.end, |end| end.min(self.end));
+            let end = 1_u32.checked_shl(Self::new(begin, begin).octave()).map_or(self.end, |end| end.min(self.end));
             let piece = Self { begin, end };
             begin = end;
             (piece.begin < piece.end).then_some(piece)

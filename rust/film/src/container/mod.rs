@@ -30,7 +30,7 @@ const FIXED_HEADER: usize = 32;
 /// Longest text of a header.
 const LONGEST_HEADER: u32 = 16 << 20;
 /// Most blocks of a file, with the last one.
-const MOST_BLOCKS: usize = 64;
+const MAX_BLOCKS: usize = 64;
 /// Bytes of a block's head.
 const BLOCK_HEAD: usize = 48;
 /// Bytes of a block's name.
@@ -38,11 +38,11 @@ const NAME: usize = 16;
 /// Bytes of a chunk's head.
 const CHUNK_HEAD: usize = 16;
 /// Most bytes of a chunk, unpacked.
-pub(crate) const MOST_CHUNK: usize = 1 << 20;
+pub(crate) const MAX_CHUNK: usize = 1 << 20;
 /// Name of the last block.
 const END: &str = "end";
 /// Largest stride of a block.
-const MOST_STRIDE: u32 = 4096;
+const MAX_STRIDE: u32 = 4096;
 
 /// Head of a block.
 #[derive(Clone, Copy, Debug)]

@@ -2,7 +2,7 @@
 //! Reads film files, which may come from strangers: no length is believed before it was compared with what is there.
 
 use super::{
-    BLOCK_HEAD, BlockHead, CHUNK_HEAD, END, FIXED_HEADER, LONGEST_HEADER, MAGIC, MOST_BLOCKS, MOST_CHUNK, MOST_STRIDE,
+    BLOCK_HEAD, BlockHead, CHUNK_HEAD, END, FIXED_HEADER, LONGEST_HEADER, MAGIC, MAX_BLOCKS, MAX_CHUNK, MAX_STRIDE,
     VERSION, checksum, header_hash, name_bytes, packing, seed, u32_at, u64_at,
 };
 use crate::error::FilmError;
@@ -70,7 +70,7 @@ impl ChunkReader {
         let [raw, packed] = [0, 4].map(|at| u32_at(&head, at) as usize);
         let after = [packed as u64 + CHUNK_HEAD as u64, raw as u64];
         let left = [0, 1].map(|k| self.left[k].checked_sub(after[k]));
-        let fits = raw > 0 && raw <= MOST_CHUNK && packed <= packing::most_packed(raw, self.stride);
+        let fits = raw > 0 && raw <= MAX_CHUNK && packed <= packing::most_packed(raw, self.stride);
         let (true, [Some(left), Some(raw_left)]) = (fits, left) else {
             return Err(FilmError::damaged(&self.path, "a chunk's length is wrong"));
         };
@@ -148,7 +148,7 @@ impl FilmReader {
     fn find_blocks(&mut self, file: &mut File, mut position: u64) -> Result<(), FilmError> {
         let damaged = |what: &str| FilmError::damaged(&self.path, what);
         let end = name_bytes(END);
-        for _ in 0..MOST_BLOCKS {
+        for _ in 0..MAX_BLOCKS {
             let mut bytes = [0; BLOCK_HEAD];
             file.seek(SeekFrom::Start(position)).map_err(FilmError::file(&self.path))?;
             let read = file.read_exact(&mut bytes);
@@ -158,7 +158,7 @@ impl FilmReader {
             position += BLOCK_HEAD as u64;
             let next = position.checked_add(head.packed).filter(|next| *next <= self.length);
             let next = next.ok_or_else(|| damaged("it is cut"))?;
-            if head.stride == 0 || head.stride > MOST_STRIDE {
+            if head.stride == 0 || head.stride > MAX_STRIDE {
                 return Err(damaged("the stride of a block is wrong"));
             }
             if Some(head.name) == end {

@@ -2,7 +2,7 @@
 //! Writes film files.
 
 use super::{
-    BLOCK_HEAD, BlockHead, CHUNK_HEAD, END, FIXED_HEADER, LONGEST_HEADER, MAGIC, MOST_BLOCKS, MOST_CHUNK, VERSION,
+    BLOCK_HEAD, BlockHead, CHUNK_HEAD, END, FIXED_HEADER, LONGEST_HEADER, MAGIC, MAX_BLOCKS, MAX_CHUNK, VERSION,
     checksum, header_hash, name_bytes, packing, seed,
 };
 use crate::error::FilmError;
@@ -31,7 +31,7 @@ pub(crate) struct WrittenChunk {
     bytes: Vec<u8>,
 }
 
-/// Packs a chunk of at most [`MOST_CHUNK`] bytes for a block of this stride.
+/// Packs a chunk of at most [`MAX_CHUNK`] bytes for a block of this stride.
 pub(crate) fn packed(raw: &[u8], stride: usize) -> WrittenChunk {
     WrittenChunk { raw: u32::try_from(raw.len()).unwrap_or(u32::MAX), bytes: packing::pack(raw, stride) }
 }
@@ -88,13 +88,13 @@ impl FilmWriter {
     /// [`FilmError::File`]; [`FilmError::Unfit`]: the name is too long, or there are too many blocks.
     pub fn block(&mut self, name: &str, bytes: &[u8]) -> Result<(), FilmError> {
         self.begin_block(name, 1)?;
-        bytes.chunks(MOST_CHUNK).try_for_each(|chunk| self.chunk(&packed(chunk, 1)))?;
+        bytes.chunks(MAX_CHUNK).try_for_each(|chunk| self.chunk(&packed(chunk, 1)))?;
         self.end_block()
     }
 
     /// Begins a block of chunks, packed with this stride.
     pub(crate) fn begin_block(&mut self, name: &str, stride: u32) -> Result<(), FilmError> {
-        let name = name_bytes(name).filter(|_| self.blocks < MOST_BLOCKS);
+        let name = name_bytes(name).filter(|_| self.blocks < MAX_BLOCKS);
         let name = name.ok_or_else(|| FilmError::unfit("a block too much, or a name too long"))?;
         self.blocks += 1;
         self.open = Some((BlockHead { name, packed: 0, raw: 0, stride }, self.position));

@@ -33,6 +33,15 @@ pub(crate) fn error_groups(pixels: u64) -> u32 {
     u32::try_from(groups).unwrap_or(ERROR_GROUPS)
 }
 
+/// What a film has beside the sums of a plain one.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct FilmSums {
+    /// Two streams of samples a pixel, for adaptive sampling.
+    pub(crate) adaptive: bool,
+    /// Exact sums, which merge.
+    pub(crate) exact: bool,
+}
+
 /// Film, resolved colour and the planes of the other images.
 #[derive(Debug)]
 pub(crate) struct Film {
@@ -61,11 +70,11 @@ fn film_bytes(pixels: u64, adaptive: bool) -> u64 {
 }
 
 impl Film {
-    /// Memory for the images of `request`, sampled adaptively or not, with sums that merge or without.
+    /// Memory for the images of `request`.
     pub(crate) fn new(
         gpu: &Arc<Gpu>,
         request: &RenderRequest,
-        (adaptive, exact): (bool, bool),
+        FilmSums { adaptive, exact }: FilmSums,
     ) -> Result<Self, GpuError> {
         let (pixels, kinds) = (request.pixels(), request.kinds());
         let plane = |name: &str, bytes: usize| Buffer::new(gpu, name, pixels * bytes as u64, BufferUsage::Device);
@@ -93,7 +102,7 @@ impl Film {
     }
 
     /// Whether these images serve `request` too, wherever its window is.
-    pub(crate) fn fits(&self, request: &RenderRequest, (adaptive, exact): (bool, bool)) -> bool {
+    pub(crate) fn fits(&self, request: &RenderRequest, FilmSums { adaptive, exact }: FilmSums) -> bool {
         let same = self.pixels == request.pixels() && self.kinds == request.kinds();
         same && self.exact.is_some() == (exact && self.has_color())
             && self.adaptive.is_some() == (adaptive && self.has_color())

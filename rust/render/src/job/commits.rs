@@ -296,6 +296,8 @@ impl RenderControl {
             restarts || !self.job.as_ref().is_some_and(is_shown)
         };
         let scene = scene.filter(is_new);
+        // A picture that is there already is followed by the next one.
+        commits.is_due |= scene.is_none() && !commits.pictures.is_empty();
         if scene.is_some() && commits.ends_stop {
             self.stopped = false;
         }
@@ -309,6 +311,10 @@ impl RenderControl {
         commits.is_due |= commits.has_failed;
         if let Some(newest) = &mut commits.newest {
             newest.options = options;
+            if !newest.before.is_empty() {
+                commits.pictures = newest.pictures();
+                commits.is_due = true;
+            }
         }
         let is_pending = commits.is_pending();
         commits.ends_stop = is_pending;
@@ -451,5 +457,15 @@ mod tests {
         control.ends_early = control.generation + 1;
         assert_eq!(next(&mut control), 7);
         assert!(!control.is_rendering(), "the user wants an end");
+
+        control.restart(SessionOptions::default());
+        assert!(control.is_rendering(), "all of them again");
+        assert_eq!([next(&mut control), next(&mut control), next(&mut control)], [7, 8, 9]);
+        assert!(!control.is_rendering() && !control.commits.has_work(), "that was the last");
+        control.restart(SessionOptions::default());
+        assert_eq!(next(&mut control), 7);
+        assert_eq!(control.ask(batch(&[7, 6])), Some(true), "the first of these is there");
+        assert_eq!([next(&mut control), next(&mut control)], [7, 6], "so it is not rendered again");
+        assert_eq!(next(&mut control), 9);
     }
 }

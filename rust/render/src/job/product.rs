@@ -96,16 +96,6 @@ pub(crate) struct ProductFile {
     pub(crate) is_temporary: bool,
 }
 
-impl ProductFile {
-    /// The kinds of its images, each once.
-    pub(crate) fn kinds(&self) -> Vec<AovKind> {
-        let mut kinds: Vec<AovKind> = self.channels.iter().map(|channel| channel.kind).collect();
-        kinds.sort_unstable();
-        kinds.dedup();
-        kinds
-    }
-}
-
 /// A picture that is rendered before the host's, and the files that are written of it.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct ProductPicture {

@@ -8,8 +8,8 @@ use oocpt_core::camera::Camera;
 
 /// Longest side of an image, pixels.
 pub const MAX_SIDE: u32 = 1 << 16;
-/// Largest image area, pixels: 2^28, 4 GiB of film.
-pub const MAX_PIXELS: u64 = 1 << 28;
+/// Largest image area, pixels: 4 GiB of colour.
+pub const MAX_PIXELS: u64 = oocpt_film::MAX_PIXELS;
 
 /// Everything a render depends on besides scene and settings.
 #[derive(Clone, Debug, PartialEq)]

@@ -6,7 +6,7 @@
 //! what comes after it does not depend on it. Render thread only.
 
 use crate::device::Device;
-use crate::film::Film;
+use crate::film::{Film, FilmSums};
 use crate::frame::context::is_cpu;
 use crate::job::RenderJob;
 use crate::job::aov::AovKind;
@@ -115,8 +115,8 @@ impl FirstPictures {
         let film = self
             .film
             .take()
-            .filter(|film| film.fits(&job.request, (false, false)))
-            .map_or_else(|| Film::new(&device.gpu, &job.request, (false, false)), Ok::<_, GpuError>);
+            .filter(|film| film.fits(&job.request, FilmSums::default()))
+            .map_or_else(|| Film::new(&device.gpu, &job.request, FilmSums::default()), Ok::<_, GpuError>);
         let film = film.inspect_err(|error| tracing::debug!(%error, "no first picture")).ok()?;
         Some(FirstPicture { factor, layout, job, film })
     }

@@ -12,7 +12,7 @@ use crate::device::{Device, DeviceOptions, pipeline_folder};
 use crate::engine::{self, CompiledFeatures, FrameTiles, WaveSource, WavefrontTracer};
 use crate::error::RenderError;
 use crate::feedback::FeedbackBuffers;
-use crate::film::Film;
+use crate::film::{Film, FilmSums};
 use crate::frame::context::{FrameContext, geometry_cap, in_flight, is_cpu, maps_host, paths, shrinking};
 use crate::frame::film_part::makes_part;
 use crate::frame::in_core::{ROOM_FOR_TILES, path_needs, roomy_waves, share_of_waves};
@@ -500,10 +500,10 @@ impl Renderer {
     }
 
     fn make_images(&mut self, device: &Device, job: &RenderJob, makes_part: bool) -> Result<(), RenderError> {
-        let kinds = (job.settings.adaptive_sampling, makes_part);
-        if !self.film.as_ref().is_some_and(|film| film.fits(&job.request, kinds)) {
+        let sums = FilmSums { adaptive: job.settings.adaptive_sampling, exact: makes_part };
+        if !self.film.as_ref().is_some_and(|film| film.fits(&job.request, sums)) {
             self.film = None;
-            self.film = Some(Film::new(&device.gpu, &job.request, kinds)?);
+            self.film = Some(Film::new(&device.gpu, &job.request, sums)?);
         }
         self.film.as_mut().map_or(Ok(()), |film| film.begin(job))
     }

@@ -155,9 +155,16 @@ impl Session {
         self.render_products(request, Vec::new());
     }
 
-    /// As [`Session::render`]. A batch session also renders the pictures of `products`, before that of `request`, and
-    /// writes their files; it is converged when that is done. What cannot be written is told. An interactive session
-    /// writes nothing: it would do so at every change. Nor does one whose settings say so.
+    /// Whether products are written: not by an interactive session, which would write at every change, nor if the
+    /// settings say so.
+    pub fn writes_products(&self) -> bool {
+        let settings = lock(&self.settings);
+        settings.write_products && !settings.interactive
+    }
+
+    /// As [`Session::render`]. If [`Session::writes_products`], the pictures of `products` are rendered too, before that
+    /// of `request`, and their files written; the session is converged when that is done. What cannot be written is
+    /// told.
     pub fn render_products(&self, mut request: RenderRequest, products: Vec<RenderProduct>) {
         if !self.ensure_threads() {
             return;
@@ -167,8 +174,7 @@ impl Session {
         let is_cut = request.camera.clip_planes.len() < planes;
         let (settings, options, images) = (self.settings().with_span(), *lock(&self.options), self.images.clone());
         let files = Arc::clone(&lock(&self.files));
-        let writes = settings.write_products && !settings.interactive;
-        let products = if writes { products } else { Vec::new() };
+        let products = if self.writes_products() { products } else { Vec::new() };
         let mut planned = lock(&self.products);
         let plan = planned.plan(products, &self.shared);
         plan.of_host.iter().for_each(|file| add_kinds(&mut request, file));

@@ -4,6 +4,7 @@
 
 use crate::sync::lock;
 use crate::textures::image::ImageLibrary;
+use oocpt_abi::UDIM_PARTS;
 use oocpt_core::scene::AssetRef;
 use rustc_hash::FxHashMap;
 use std::io::Read as _;
@@ -11,8 +12,6 @@ use std::path::Path;
 use std::sync::{Arc, Mutex};
 use xxhash_rust::xxh3::Xxh3;
 
-/// Members of a set of files.
-const UDIM_NUMBERS: std::ops::RangeInclusive<u32> = 1001..=1100;
 const UDIM: &str = "<UDIM>";
 /// Bytes that are read at once.
 const READ_BYTES: usize = 1 << 20;
@@ -41,7 +40,7 @@ impl FileContents {
             return said.clone();
         }
         let text = if asset.resolved.contains(UDIM) {
-            let members = UDIM_NUMBERS.filter_map(|number| {
+            let members = (1001..1001 + UDIM_PARTS).filter_map(|number| {
                 let name = |text: &str| text.replace(UDIM, &number.to_string()).into();
                 let part = AssetRef { authored: name(&asset.authored), resolved: name(&asset.resolved) };
                 Some(format!("{number} {}", self.of_file(&part, images)?))

@@ -65,7 +65,7 @@ impl ProductPlan {
 
 /// Adds the images that a file needs.
 pub(crate) fn add_kinds(request: &mut RenderRequest, file: &ProductFile) {
-    for kind in file.kinds() {
+    for FileChannel { kind, .. } in file.channels.iter().cloned() {
         if request.aovs.iter().all(|aov| aov.kind != kind) {
             request.aovs.push(AovRequest { kind, clear: kind.default_clear() });
         }

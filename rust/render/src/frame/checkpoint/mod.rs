@@ -40,7 +40,7 @@ const COPYING_SHARE: u32 = 16;
 const STATE: &str = "state";
 const FILM: &str = "film";
 /// Most bytes of the block of the state.
-const MOST_STATE_BYTES: u64 = 16 << 20;
+const MAX_STATE_BYTES: u64 = 16 << 20;
 
 /// What a thread that wrote a file gives back: the records of the film, to be used again, and how it went.
 type WrittenFilm = (Vec<u8>, Result<(), FilmError>);
@@ -170,7 +170,7 @@ impl FilmCheckpoints {
             let what = differences.join("; ");
             return Err(format!("{file}: is of another film (the file's, then this render's) {what}"));
         }
-        let text = reader.block(STATE, MOST_STATE_BYTES).map_err(|error| error.to_string())?;
+        let text = reader.block(STATE, MAX_STATE_BYTES).map_err(|error| error.to_string())?;
         let state = EngineState::read(&text).map_err(|error| format!("{file}: damaged: {error}"))?;
         let pixels = job.request.pixels();
         let kept = state.kept(job, pixels).map_err(|reason| format!("{file}: {reason}"))?;
