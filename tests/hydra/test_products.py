@@ -217,6 +217,18 @@ def test_nobody_asked_for_products(record):
     assert "have 1 product; --products" in done.stderr, done.stderr
     done, _ = record(stage({}), "--products", fails=True)
     assert "have no products" in done.stderr
+    unnamed = stage(products).replace('renderSettingsPrimPath = "/Settings"', "")
+    done, _ = record(unnamed, "--products", fails=True)
+    assert "names no render settings" in done.stderr and "Traceback" not in done.stderr, done.stderr
+
+
+def test_a_product_without_a_size_is_told_where_it_was_wanted(record):
+    empty = stage({"Only": product("Only", "only.exr", ["beauty"], (0, 8))})
+    done, _ = record(empty, "--imageWidth", "8")
+    assert "is not written" not in done.stderr, done.stderr
+    done, folder = record(empty, "--products")
+    assert "/Settings/Only: the product is not written" in done.stderr, done.stderr
+    assert not (folder / "only.exr").exists()
 
 
 def test_interactive_hosts_write_nothing(host, tmp_path):
