@@ -162,9 +162,9 @@ impl Session {
         settings.write_products && !settings.interactive
     }
 
-    /// As [`Session::render`]. If [`Session::writes_products`], the pictures of `products` are rendered too, before that
-    /// of `request`, and their files written; the session is converged when that is done. What cannot be written is
-    /// told.
+    /// As [`Session::render`]. If [`Session::writes_products`], the pictures of `products` are rendered too, before
+    /// that of `request`, and their files written; the session is converged when that is done. What cannot be written
+    /// is told.
     pub fn render_products(&self, mut request: RenderRequest, products: Vec<RenderProduct>) {
         if !self.ensure_threads() {
             return;
