@@ -3,7 +3,7 @@
 //!
 //! Beside the plain film the device keeps an `ExactPixel` for each pixel. Each octave of samples has sums of its own
 //! (the error is measured at their ends): where one ends nothing is under way, its records are copied to the host, and
-//! begin again from nothing. The file is written when the render ends, and where an octave does if that is later than
+//! begin again from nothing; a thread adds them to the film while the next octave is rendered. The file is written when the render ends, and where an octave does if that is later than
 //! the interval of checkpoints: a render that was killed goes on from there. One that was given up has the octaves that
 //! are whole, and the last one if no pixel has more samples of it than another. Render thread only.
 
@@ -16,11 +16,12 @@ use crate::job::request::Severity;
 use crate::job::shared::SharedState;
 use oocpt_abi::ExactPixel;
 use oocpt_core::pixel_filter::PixelFilterKind;
-use oocpt_film::{FilmError, FilmHeader, FilmKind, FilmReader, SampleRange};
+use oocpt_film::{ExactFilm, FilmError, FilmHeader, FilmKind, FilmReader, SampleRange};
 use oocpt_gpu::Gpu;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 /// Temporary files of processes that were killed are removed after so long without a change.
@@ -65,12 +66,15 @@ fn complain(shared: &SharedState, text: &str) {
 #[derive(Debug)]
 pub(crate) struct FilmPart {
     path: PathBuf,
-    film: oocpt_film::ExactFilm,
+    /// The film; none while a thread adds to it, or if that failed.
+    film: Option<ExactFilm>,
+    adding: Option<JoinHandle<Result<ExactFilm, FilmError>>>,
     transfer: FilmTransfer,
     gpu: Arc<Gpu>,
-    /// Samples that are to be rendered, and the first of the records on the device.
+    /// Samples that are to be rendered, the first of the records on the device, and the first of the film.
     end: u32,
     begin: u32,
+    first: u32,
     interval: Duration,
     next: Instant,
     /// Since when the file knows of no time.
@@ -89,17 +93,19 @@ impl FilmPart {
         let (first, end) = (settings.span.begin, settings.samples_per_pixel);
         let film = match unfinished(&path, &header, first, end) {
             Some(film) => film,
-            None => oocpt_film::ExactFilm::new(header).map_err(internal)?,
+            None => ExactFilm::new(header).map_err(internal)?,
         };
         let interval = Duration::try_from_secs_f32(settings.checkpoint_secs).unwrap_or(Duration::MAX);
         let now = Instant::now();
         Ok(Self {
             path,
             begin: film.header().samples().last().map_or(first, |range| range.end),
-            film,
+            film: Some(film),
+            adding: None,
             transfer: FilmTransfer::new(gpu)?,
             gpu: Arc::clone(gpu),
             end,
+            first,
             interval,
             next: now.checked_add(interval).unwrap_or(now),
             noted: now,
@@ -123,14 +129,26 @@ impl FilmPart {
             return Ok(());
         }
         let Some((records, at)) = film.exact_records() else { return Ok(()) };
-        let mut bytes = Vec::new();
-        self.transfer.take(records, at..records.size(), &mut bytes)?;
-        self.transfer.clear(records, at..records.size())?;
-        let plane: Vec<ExactPixel> = bytemuck::pod_collect_to_vec(&bytes);
-        drop(bytes);
-        self.film.add(SampleRange::new(self.begin, end), plane).map_err(internal)?;
+        let mut film = self.settled()?;
+        let bytes = usize::try_from(records.size() - at).unwrap_or(usize::MAX);
+        let mut plane: Vec<ExactPixel> = bytemuck::zeroed_vec(bytes / size_of::<ExactPixel>());
+        self.transfer.take(records, at, bytemuck::cast_slice_mut(&mut plane))?;
+        self.transfer.clear(records, at)?;
+        let range = SampleRange::new(self.begin, end);
+        let add = move || film.add(range, plane).map(|()| film);
+        let thread = std::thread::Builder::new().name("oocpt-film".into()).spawn(add);
+        self.adding = Some(thread.map_err(|error| RenderError::Internal(error.to_string()))?);
         self.begin = end;
         Ok(())
+    }
+
+    /// The film, once nothing is being added to it; whoever takes it puts it back.
+    fn settled(&mut self) -> Result<ExactFilm, RenderError> {
+        if let Some(adding) = self.adding.take() {
+            let added = adding.join().map_err(|_panic| RenderError::Internal("a film was lost".to_owned()))?;
+            self.film = Some(added.map_err(internal)?);
+        }
+        self.film.take().ok_or_else(|| RenderError::Internal("a film was lost".to_owned()))
     }
 
     /// Writes the file; `nonfinite` samples of this render were not finite.
@@ -138,11 +156,16 @@ impl FilmPart {
         let began = Instant::now();
         let millis = u64::try_from(began.duration_since(self.noted).as_millis()).unwrap_or(u64::MAX);
         let since = nonfinite.saturating_sub(self.nonfinite);
-        self.film.note(since, millis, self.gpu.memory().peak, &device_text(self.gpu.report()));
         (self.noted, self.nonfinite) = (began, nonfinite);
-        if let Err(error) = self.film.write(&self.path) {
+        let mut film = match self.settled() {
+            Ok(film) => film,
+            Err(error) => return complain(shared, &error.to_string()),
+        };
+        film.note(since, millis, self.gpu.memory().peak, &device_text(self.gpu.report()));
+        if let Err(error) = film.write(&self.path) {
             complain(shared, &error.to_string());
         }
+        self.film = Some(film);
         let now = Instant::now();
         self.next = now.checked_add(self.interval).unwrap_or(now);
     }
@@ -150,19 +173,18 @@ impl FilmPart {
     /// Tells if the file does not have all samples.
     pub(crate) fn tell(&self, shared: &SharedState) {
         if self.begin < self.end {
-            let first = self.film.header().samples().first().map_or(self.begin, |range| range.begin);
-            let text = format!("it ended early: the film has samples {first}..{} of each pixel", self.begin);
+            let text = format!("it ended early: the film has samples {}..{} of each pixel", self.first, self.begin);
             shared.report(Severity::Warning, format!("oocpt:filmPart: {text}"));
         }
     }
 }
 
 /// The film of a file, if it is a part of the same one with the first of these samples, and not all.
-fn unfinished(path: &Path, header: &FilmHeader, first: u32, end: u32) -> Option<oocpt_film::ExactFilm> {
+fn unfinished(path: &Path, header: &FilmHeader, first: u32, end: u32) -> Option<ExactFilm> {
     let found = FilmReader::open(path).ok()?.header().clone();
     let [range] = *found.samples() else { return None };
     let serves = found.differences(header).is_empty() && range.begin == first && range.end < end;
-    serves.then(|| oocpt_film::ExactFilm::read(path, u64::MAX).ok()).flatten()
+    serves.then(|| ExactFilm::read(path, u64::MAX).ok()).flatten()
 }
 
 fn internal(error: FilmError) -> RenderError {

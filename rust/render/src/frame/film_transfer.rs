@@ -2,55 +2,72 @@
 //! The way of the film's records between device and host, a few MiB at a time. Nothing else is under way meanwhile.
 
 use crate::device::WAVE_TIMEOUT;
-use oocpt_gpu::{Buffer, BufferUsage, CommandList, Gpu, GpuError};
-use std::ops::Range;
+use oocpt_gpu::{Buffer, BufferUsage, CommandList, Gpu, GpuError, Submission};
+use rayon::prelude::*;
 use std::sync::Arc;
 
-/// Bytes of the buffer in which records lie on their way.
-const STAGED: u64 = 8 << 20;
+/// Bytes of a buffer in which records lie on their way; there are two.
+const STAGED: usize = 4 << 20;
+/// Bytes that a thread copies at a time.
+const PORTION: usize = 256 << 10;
 
 /// See the module.
 #[derive(Debug)]
 pub(crate) struct FilmTransfer {
     gpu: Arc<Gpu>,
-    staged: Buffer,
+    staged: [Buffer; 2],
 }
 
 impl FilmTransfer {
     pub(crate) fn new(gpu: &Arc<Gpu>) -> Result<Self, GpuError> {
-        let staged = Buffer::new(gpu, "film transfer", STAGED, BufferUsage::Readback)?;
-        Ok(Self { gpu: Arc::clone(gpu), staged })
+        let staged = || Buffer::new(gpu, "film transfer", STAGED as u64, BufferUsage::Readback);
+        Ok(Self { gpu: Arc::clone(gpu), staged: [staged()?, staged()?] })
+    }
+
+    fn submit(&self, record: impl FnOnce(&mut CommandList)) -> Result<Submission, GpuError> {
+        let mut commands = self.gpu.commands("film transfer")?;
+        record(&mut commands);
+        commands.submit()
     }
 
     fn run(&self, record: impl FnOnce(&mut CommandList)) -> Result<(), GpuError> {
-        let mut commands = self.gpu.commands("film transfer")?;
-        record(&mut commands);
-        if !commands.submit()?.wait(WAVE_TIMEOUT)? {
-            return Err(GpuError::Usage {
-                name: self.staged.name().to_owned(),
-                message: format!("a copy did not finish within {} s", WAVE_TIMEOUT.as_secs()),
-            });
-        }
-        Ok(())
+        self.wait(&self.submit(record)?)
     }
 
-    /// Copies a range of a buffer.
-    pub(crate) fn take(&self, source: &Buffer, range: Range<u64>, bytes: &mut Vec<u8>) -> Result<(), GpuError> {
-        bytes.resize(usize::try_from(range.end - range.start).unwrap_or(usize::MAX), 0);
-        let mut at = range.start;
-        for chunk in bytes.chunks_mut(usize::try_from(STAGED).unwrap_or(usize::MAX)) {
-            self.run(|commands| commands.copy(source, at, &self.staged, 0, chunk.len() as u64))?;
-            self.staged.read(0, chunk)?;
-            at += chunk.len() as u64;
+    fn wait(&self, submission: &Submission) -> Result<(), GpuError> {
+        if submission.wait(WAVE_TIMEOUT)? {
+            return Ok(());
         }
-        Ok(())
+        let message = format!("a copy did not finish within {} s", WAVE_TIMEOUT.as_secs());
+        Err(GpuError::Usage { name: self.staged[0].name().to_owned(), message })
+    }
+
+    /// Copies from place `at` of a buffer. The device fills one staging buffer while the host empties the other.
+    pub(crate) fn take(&self, source: &Buffer, mut at: u64, bytes: &mut [u8]) -> Result<(), GpuError> {
+        let mut filled: Option<(Submission, &Buffer, &mut [u8])> = None;
+        for (staged, chunk) in self.staged.iter().cycle().zip(bytes.chunks_mut(STAGED)) {
+            let submission = self.submit(|commands| commands.copy(source, at, staged, 0, chunk.len() as u64))?;
+            at += chunk.len() as u64;
+            if let Some((earlier, staged, chunk)) = filled.replace((submission, staged, chunk)) {
+                self.empty(&earlier, staged, chunk)?;
+            }
+        }
+        filled.map_or(Ok(()), |(last, staged, chunk)| self.empty(&last, staged, chunk))
+    }
+
+    /// Copies what a submission put into a staging buffer; all threads copy, which also spreads the page faults of
+    /// memory that is new.
+    fn empty(&self, submission: &Submission, staged: &Buffer, chunk: &mut [u8]) -> Result<(), GpuError> {
+        self.wait(submission)?;
+        let portions = chunk.par_chunks_mut(PORTION).enumerate();
+        portions.into_par_iter().try_for_each(|(number, portion)| staged.read((number * PORTION) as u64, portion))
     }
 
     /// Puts bytes at the beginning of a buffer.
     pub(crate) fn put(&self, target: &Buffer, bytes: &[u8]) -> Result<(), GpuError> {
-        let staged = Buffer::new(&self.gpu, "film upload", STAGED.min(bytes.len() as u64), BufferUsage::Upload)?;
+        let staged = Buffer::new(&self.gpu, "film upload", STAGED.min(bytes.len()) as u64, BufferUsage::Upload)?;
         let mut at = 0;
-        for chunk in bytes.chunks(usize::try_from(STAGED).unwrap_or(usize::MAX)) {
+        for chunk in bytes.chunks(STAGED) {
             staged.write(0, chunk)?;
             self.run(|commands| commands.copy(&staged, 0, target, at, chunk.len() as u64))?;
             at += chunk.len() as u64;
@@ -58,8 +75,8 @@ impl FilmTransfer {
         Ok(())
     }
 
-    /// Writes zeros to a range of a buffer.
-    pub(crate) fn clear(&self, target: &Buffer, range: Range<u64>) -> Result<(), GpuError> {
-        self.run(|commands| commands.fill(target, range.start, range.end - range.start, 0))
+    /// Writes zeros from place `at` of a buffer on.
+    pub(crate) fn clear(&self, target: &Buffer, at: u64) -> Result<(), GpuError> {
+        self.run(|commands| commands.fill(target, at, target.size() - at, 0))
     }
 }

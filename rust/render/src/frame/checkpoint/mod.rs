@@ -206,11 +206,16 @@ impl FilmCheckpoints {
         let began = Instant::now();
         let bytes = kept.job.request.pixels() * size_of::<FilmPixel>() as u64;
         let Some(source) = film.records() else { return Ok(()) };
-        self.transfer.take(source, 0..bytes.min(source.size()), &mut self.records)?;
+        let bytes = usize::try_from(bytes.min(source.size())).unwrap_or(usize::MAX);
+        if self.records.len() != bytes {
+            // Zeroed by the system as it is touched, not here.
+            self.records = vec![0; bytes];
+        }
+        self.transfer.take(source, 0, &mut self.records)?;
         if let Some(counters) = counters {
-            let mut seen = Vec::new();
-            self.transfer.take(counters, 0..size_of::<WavefrontCounters>() as u64, &mut seen)?;
-            let WavefrontCounters { nonfinite, nonfinite_pixel, .. } = bytemuck::pod_read_unaligned(&seen);
+            let mut seen = WavefrontCounters::default();
+            self.transfer.take(counters, 0, bytemuck::bytes_of_mut(&mut seen))?;
+            let WavefrontCounters { nonfinite, nonfinite_pixel, .. } = seen;
             kept.nonfinite = (kept.nonfinite.0.saturating_add(nonfinite), kept.nonfinite.1.max(nonfinite_pixel));
         }
         let copied = began.elapsed();

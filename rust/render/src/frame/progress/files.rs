@@ -75,7 +75,7 @@ impl FrameProgress<'_> {
         self.part = film.has_exact_sums().then(|| FilmPart::new(job, gpu)).transpose()?;
         self.first_sample = self.part.as_ref().map_or(job.settings.span.begin, FilmPart::begin);
         if self.first_sample > 0 {
-            FilmTransfer::new(gpu)?.clear(records, 0..records.size())?;
+            FilmTransfer::new(gpu)?.clear(records, 0)?;
             self.done = self.pixels * u64::from(self.first_sample);
             (self.kept, self.lacks_planes) = (Some(self.done), true);
         }
