@@ -3,9 +3,10 @@
 //!
 //! Beside the plain film the device keeps an `ExactPixel` for each pixel. Each octave of samples has sums of its own
 //! (the error is measured at their ends): where one ends nothing is under way, its records are copied to the host, and
-//! begin again from nothing; a thread adds them to the film while the next octave is rendered. The file is written when the render ends, and where an octave does if that is later than
-//! the interval of checkpoints: a render that was killed goes on from there. One that was given up has the octaves that
-//! are whole, and the last one if no pixel has more samples of it than another. Render thread only.
+//! begin again from nothing; a thread adds them to the film while the next octave is rendered. The file is written when
+//! the render ends, and where an octave does if that is later than the interval of checkpoints: a render that was
+//! killed goes on from there. One that was given up has the octaves that are whole, and the last one if no pixel has
+//! more samples of it than another. Render thread only.
 
 use crate::error::RenderError;
 use crate::film::Film;
