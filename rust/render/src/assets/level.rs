@@ -5,11 +5,11 @@
 //! The result holds no address, so it can be kept and copied to any place on the device. Pure; threads encode stretches
 //! of records in parallel, and the one that finishes the last stretch builds the tree.
 
+use super::shapes::LevelShapes;
 use super::source::AssetSource;
 use super::values::ValueLayout;
 use oocpt_abi::{FLIPS_HANDEDNESS, GpuInstance, GpuMotionKey, TARGET_ASSEMBLY, TARGET_MOVING};
 use oocpt_core::Aabb;
-use oocpt_core::mesh::build_level;
 use oocpt_core::scene::{InstanceRecord, InstanceTarget, MotionKey};
 use std::ops::Range;
 
@@ -64,10 +64,14 @@ pub(crate) fn encode(source: &AssetSource, range: Range<usize>) -> EncodedStretc
 }
 
 /// The tree over the records of all stretches, and the stack entries that a walk of it needs.
-pub(crate) fn tree(source: &AssetSource, stretches: &mut [EncodedStretch]) -> (EncodedPiece, u32) {
+pub(crate) fn tree(
+    source: &AssetSource,
+    stretches: &mut [EncodedStretch],
+    shapes: &LevelShapes,
+) -> (EncodedPiece, u32) {
     stretches.sort_unstable_by_key(|stretch| stretch.first);
     let boxes: Vec<Aabb> = stretches.iter_mut().flat_map(|stretch| std::mem::take(&mut stretch.boxes)).collect();
-    let tree = build_level(&boxes);
+    let tree = shapes.tree(source.shape(), &boxes);
     (EncodedPiece { offset: source.nodes_at(), bytes: bytemuck::cast_slice(&tree.nodes).to_vec() }, tree.stack)
 }
 

@@ -7,6 +7,7 @@ use super::copied::CopiedAssets;
 use super::encode::AssetCopier;
 use super::kept::EncodedAssets;
 use super::level::{self, EncodedAsset, EncodedPiece, EncodedStretch};
+use super::shapes::LevelShapes;
 use super::source::AssetSource;
 use crate::device::loader::Loader;
 use crate::device::reading::ReadingLimit;
@@ -226,7 +227,8 @@ impl LoadJob {
                 let stretch = level::encode(source, range.clone());
                 writer.pieces(&stretch.pieces, &**target)?;
                 let Some(stretches) = self.load.encoded(*at, stretch) else { return Ok(copied) };
-                let encoded = finish(source, stretches, |nodes| writer.pieces(nodes, &**target))?;
+                let shapes = &self.load.kept.shapes;
+                let encoded = finish(source, stretches, shapes, |nodes| writer.pieces(nodes, &**target))?;
                 let stack = encoded.stack;
                 self.load.kept.offer(source.key(), encoded);
                 copied.assets.push((*asset, stack));
@@ -274,9 +276,10 @@ const NO_MESH: Bvh4Node = Bvh4Node {
 fn finish(
     source: &AssetSource,
     mut stretches: Vec<EncodedStretch>,
+    shapes: &LevelShapes,
     write: impl FnOnce(&[EncodedPiece]) -> Result<(), RenderError>,
 ) -> Result<EncodedAsset, RenderError> {
-    let (nodes, stack) = level::tree(source, &mut stretches);
+    let (nodes, stack) = level::tree(source, &mut stretches, shapes);
     write(std::slice::from_ref(&nodes))?;
     let mut pieces: Vec<EncodedPiece> = stretches.into_iter().flat_map(|stretch| stretch.pieces).collect();
     pieces.push(nodes);

@@ -108,6 +108,14 @@ impl AssetSource {
         }
     }
 
+    /// The shape of the tree over records that have moved.
+    pub(crate) fn shape(&self) -> Option<u64> {
+        match self {
+            Self::Chunk(chunk) if chunk.is_held() => Some(chunk.shape()),
+            _ => None,
+        }
+    }
+
     /// Returns true for a tile that could not be read.
     pub(crate) fn is_broken(&self) -> bool {
         matches!(self, Self::Tile(image, tile) if image.is_broken(*tile))
