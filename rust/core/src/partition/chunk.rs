@@ -231,13 +231,22 @@ impl Chunk {
     /// `range.start + k` goes to `out[k]`. Pure; call it from many threads with disjoint outputs. Stops at the end of
     /// `out`, of `range` or of the chunk, whichever comes first.
     pub fn encode(&self, range: Range<usize>, out: &mut [InstanceRecord]) {
-        let members = self.members();
-        let range = range.start..range.end.min(self.len()).min(range.start.saturating_add(out.len()));
-        let mut readers = MemberReaders::new(&members, Some(self.origin));
-        self.each(range.clone(), &mut readers, |at, member, rank, reader| {
-            if let (Some(placed), Some(slot)) = (reader.place(rank), out.get_mut(at - range.start)) {
-                *slot = member.record(rank, &placed);
+        let end = range.end.min(range.start.saturating_add(out.len()));
+        self.encode_each(range.start..end, |at, record| {
+            if let Some(slot) = out.get_mut(at - range.start) {
+                *slot = *record;
             }
+        });
+    }
+
+    /// As [`Chunk::encode`], but gives each record with its number to `visit`, which may put it where it likes.
+    pub fn encode_each(&self, range: Range<usize>, mut visit: impl FnMut(usize, &InstanceRecord)) {
+        let members = self.members();
+        let mut readers = MemberReaders::new(&members, Some(self.origin));
+        self.each(range, &mut readers, |at, member, rank, reader| {
+            // All placements of a chunk are usable.
+            let record = reader.place(rank).map(|placed| member.record(rank, &placed));
+            visit(at, &record.unwrap_or_default());
         });
     }
 

@@ -69,10 +69,9 @@ struct PartitionCheck<'a> {
 
 impl PartitionedWorld {
     /// Checks that it is the partition of a snapshot with these meshes and assemblies: that every record of every
-    /// opened assembly is in exactly one chunk, in Morton order, in canonical cells within the limits (but for assemblies
-    /// with held chunks, which have neither); that boxes
-    /// contain their records, in f64; that chunk instances are the composed placements; and that the top level reaches
-    /// each of them once.
+    /// opened assembly is in exactly one chunk, in Morton order, in canonical cells within the limits (order and cells
+    /// only of assemblies without held chunks); that boxes contain their records, in f64; that chunk instances are the
+    /// composed placements; and that the top level reaches each of them once.
     ///
     /// # Errors
     /// The first broken invariant.

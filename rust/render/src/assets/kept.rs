@@ -41,6 +41,11 @@ impl EncodedAssets {
         lock(&self.state).bytes
     }
 
+    /// Whether anything may be kept.
+    pub(crate) fn keeps(&self) -> bool {
+        lock(&self.state).most > 0
+    }
+
     /// The kept encoding of an asset.
     pub(crate) fn get(&self, key: &AssetKey) -> Option<Arc<EncodedAsset>> {
         lock(&self.state).encoded.get(key).cloned()

@@ -276,12 +276,16 @@ impl AssetSource {
         if records <= MAX_RECORDS { Ok(()) } else { Err(("instances in one instancer", records, MAX_RECORDS)) }
     }
 
-    /// Computes records `range`; nothing for a mesh.
-    pub(crate) fn encode(&self, range: Range<usize>, out: &mut [InstanceRecord]) {
+    /// Computes records `range` and gives each with its number to `visit`; nothing for a mesh.
+    pub(crate) fn encode_each(&self, range: Range<usize>, mut visit: impl FnMut(usize, &InstanceRecord)) {
         match self {
             Self::Mesh(_) | Self::Tile(..) => {}
-            Self::Assembly(assembly) => assembly.encode(range, out),
-            Self::Chunk(chunk) => chunk.encode(range, out),
+            Self::Assembly(assembly) => {
+                let mut records = vec![InstanceRecord::default(); range.len()];
+                assembly.encode(range.clone(), &mut records);
+                range.zip(&records).for_each(|(at, record)| visit(at, record));
+            }
+            Self::Chunk(chunk) => chunk.encode_each(range, visit),
         }
     }
 

@@ -126,8 +126,8 @@ fn chunks_of_moving_instances_are_held_and_cut_when_the_scene_rests() {
 fn chunks_without_a_moved_record_stay_and_few_moves_hold_none() {
     let mut crowd = Crowd::new();
     let mut db = database(&crowd, true);
-    let first = committed(&mut db);
-    crowd.points[..HELD_FROM - 1].iter_mut().for_each(|point| point[0] += 0.01);
+    committed(&mut db);
+    crowd.points[..HELD_FROM / 8].iter_mut().for_each(|point| point[0] += 0.01);
     let few = edited(&mut db, &crowd);
     assert_eq!(held(&few), 0, "few moved");
     assert_same_world(&fresh(&crowd), &few);
@@ -141,9 +141,9 @@ fn chunks_without_a_moved_record_stay_and_few_moves_hold_none() {
     assert_same_leaves(flatten_world(&after), flatten_world(&fresh(&crowd)));
     // What is held stays so, whatever moves next.
     crowd.points[7][0] += 0.01;
-    let after = edited(&mut db, &crowd);
-    assert_eq!(held(&after), after.world.chunks.len() - kept + usize::from(!is_near(&crowd.points[7])), "one more");
-    drop(first);
+    let next = edited(&mut db, &crowd);
+    assert_eq!(shapes(&next), shapes(&after), "none is cut");
+    assert!((held(&after)..=held(&after) + 1).contains(&held(&next)), "at most one more is held");
 }
 
 #[test]
