@@ -170,9 +170,7 @@ fn animate(arguments: &Arguments, session: &Session, rest: &InstancerDesc, perce
     {
         *secs /= mean;
     }
-    for sum in
-        [&mut row.uploaded_bytes, &mut row.trees_refitted, &mut row.records_refitted, &mut row.trees_built]
-    {
+    for sum in [&mut row.uploaded_bytes, &mut row.trees_refitted, &mut row.records_refitted, &mut row.trees_built] {
         *sum = sum.div_ceil(u64::from(frames));
     }
     for sum in [&mut row.chunks_rebuilt, &mut row.records_rebuilt, &mut row.nodes_rebuilt, &mut row.meshes_rebuilt] {

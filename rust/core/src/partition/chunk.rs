@@ -156,8 +156,22 @@ impl Chunk {
         let moves = members.iter().any(|member| member.run.key_count() > 0);
         let members = RwLock::new(members);
         let (counts, ranks, which, blocks) = (Arc::new(counts), Arc::new(ranks), Arc::new(which), Arc::new(blocks));
-        let held = None;
-        Self { key: 0, origin, bounds, targets, columns, moves, codes, ids, counts, members, ranks, which, blocks, held }
+        Self {
+            key: 0,
+            origin,
+            bounds,
+            targets,
+            columns,
+            moves,
+            codes,
+            ids,
+            counts,
+            members,
+            ranks,
+            which,
+            blocks,
+            held: None,
+        }
     }
 
     /// A stamp, unique in its [`crate::scene::SceneDb`]: chunks of equal keys have the same records bit for bit, and a

@@ -107,8 +107,7 @@ impl HeldMembers<'_> {
     /// The chunk with its records where they are now; `None` if one of them is nowhere.
     fn chunk(&self, chunk: &Arc<Chunk>) -> Option<Arc<Chunk>> {
         let places: Vec<usize> = chunk.ids.iter().map(|id| self.places.get(id).copied()).collect::<Option<_>>()?;
-        let moved: Vec<&MovedRecords> =
-            places.iter().map(|&place| self.moved.get(place)).collect::<Option<_>>()?;
+        let moved: Vec<&MovedRecords> = places.iter().map(|&place| self.moved.get(place)).collect::<Option<_>>()?;
         if moved.iter().all(|moved| matches!(moved, MovedRecords::Nothing)) {
             return Some(Arc::clone(chunk));
         }
@@ -124,9 +123,7 @@ impl HeldMembers<'_> {
                     Some(word) if word >> (rank % 64) & 1 == 1 => readers.item(which, rank)?,
                     _ => continue,
                 },
-                MovedRecords::All(items) => {
-                    *items.get(members.get(which as usize)?.run.usable_before(rank))?
-                }
+                MovedRecords::All(items) => *items.get(members.get(which as usize)?.run.usable_before(rank))?,
             };
             let (center, half) = (item.center(), DVec3::from(item.half().map(f64::from)));
             around = [around[0].min(center - half), around[1].max(center + half)];

@@ -5,22 +5,19 @@
 //! The result holds no address, so it can be kept and copied to any place on the device. Pure; threads encode stretches
 //! of records in parallel, and the one that finishes the last stretch builds the tree.
 
-use super::encode::AssetCopier;
 use super::shapes::LevelShapes;
 use super::source::AssetSource;
 use super::values::ValueLayout;
-use crate::error::RenderError;
 use oocpt_abi::{FLIPS_HANDEDNESS, GpuInstance, GpuMotionKey, TARGET_ASSEMBLY, TARGET_MOVING};
 use oocpt_core::Aabb;
 use oocpt_core::mesh::LevelTree;
 use oocpt_core::scene::{InstanceRecord, InstanceTarget, MotionKey};
-use oocpt_gpu::DeviceRange;
 use std::ops::Range;
 
 /// Records that one thread encodes at a time.
 const PART_RECORDS: usize = 4096;
 /// Bytes of a record.
-const RECORD: usize = size_of::<GpuInstance>();
+pub(super) const RECORD: usize = size_of::<GpuInstance>();
 
 /// Bytes of an asset, and their offset in it.
 #[derive(Debug, PartialEq, Eq)]
@@ -47,9 +44,9 @@ impl EncodedAsset {
 /// An encoded stretch of records.
 #[derive(Debug)]
 pub(crate) struct EncodedStretch {
-    first: usize,
+    pub(super) first: usize,
     pub(crate) pieces: Vec<EncodedPiece>,
-    boxes: Vec<Aabb>,
+    pub(super) boxes: Vec<Aabb>,
 }
 
 /// The stretches that threads may encode in parallel.
@@ -68,23 +65,6 @@ pub(crate) fn encode(source: &AssetSource, range: Range<usize>) -> EncodedStretc
     EncodedStretch { first: range.start, pieces, boxes }
 }
 
-/// Encodes records `range` of `source` where they are staged; nothing of them is kept but their boxes.
-pub(crate) fn send(
-    source: &AssetSource,
-    range: Range<usize>,
-    writer: &mut AssetCopier<'_>,
-    target: &dyn DeviceRange,
-) -> Result<EncodedStretch, RenderError> {
-    let mut boxes = Vec::with_capacity(range.len());
-    let offset = (range.start * RECORD) as u64;
-    writer.section(target, offset, (range.len(), RECORD), |first, out| {
-        let first = range.start + first;
-        records(source, first..first + out.len() / RECORD, out, &mut boxes);
-    })?;
-    writer.pieces(&beside(source, range.clone()), target)?;
-    Ok(EncodedStretch { first: range.start, pieces: Vec::new(), boxes })
-}
-
 /// The tree over the records of all stretches.
 pub(crate) fn tree(source: &AssetSource, stretches: &mut [EncodedStretch], shapes: &LevelShapes) -> LevelTree {
     stretches.sort_unstable_by_key(|stretch| stretch.first);
@@ -93,7 +73,7 @@ pub(crate) fn tree(source: &AssetSource, stretches: &mut [EncodedStretch], shape
 }
 
 /// Writes records `range` to `out`, and adds their boxes to `boxes`.
-fn records(source: &AssetSource, range: Range<usize>, out: &mut [u8], boxes: &mut Vec<Aabb>) {
+pub(super) fn records(source: &AssetSource, range: Range<usize>, out: &mut [u8], boxes: &mut Vec<Aabb>) {
     let (keys_at, mut key) = (source.keys_at(), source.keys_before(range.start));
     let mut out = out.chunks_exact_mut(RECORD);
     source.encode_each(range, |_, record| {
@@ -115,7 +95,7 @@ fn records(source: &AssetSource, range: Range<usize>, out: &mut [u8], boxes: &mu
 }
 
 /// The values and keys of records.
-fn beside(source: &AssetSource, range: Range<usize>) -> Vec<EncodedPiece> {
+pub(super) fn beside(source: &AssetSource, range: Range<usize>) -> Vec<EncodedPiece> {
     let mut pieces = Vec::new();
     values(source, range.clone(), &mut pieces);
     pieces.extend(keys(source, range));

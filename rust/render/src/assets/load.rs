@@ -6,7 +6,7 @@
 use super::copied::CopiedAssets;
 use super::encode::AssetCopier;
 use super::kept::EncodedAssets;
-use super::level::{self, EncodedAsset, EncodedPiece, EncodedStretch};
+use super::level::{self, EncodedAsset, EncodedPiece, EncodedStretch, RECORD};
 use super::source::AssetSource;
 use crate::device::loader::Loader;
 use crate::device::reading::ReadingLimit;
@@ -16,7 +16,7 @@ use crossbeam_channel::{Receiver, Sender, unbounded};
 use oocpt_abi::Bvh4Node;
 use oocpt_core::mesh::LevelTree;
 use oocpt_core::residency::AssetId;
-use oocpt_gpu::{Gpu, HeapRange, StagingRing};
+use oocpt_gpu::{DeviceRange, Gpu, HeapRange, StagingRing};
 use rustc_hash::FxHashMap;
 use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -230,7 +230,7 @@ impl LoadJob {
                     writer.pieces(&stretch.pieces, &**target)?;
                     stretch
                 } else {
-                    level::send(source, range.clone(), writer, &**target)?
+                    send(source, range.clone(), writer, &**target)?
                 };
                 let Some(mut stretches) = self.load.encoded(*at, stretch) else { return Ok(copied) };
                 let LevelTree { nodes, stack } = level::tree(source, &mut stretches, &kept.shapes);
@@ -280,6 +280,23 @@ const NO_MESH: Bvh4Node = Bvh4Node {
     first_child: 0,
     first_triangle: 0,
 };
+
+/// Encodes records `range` of `source` where they are staged; nothing of them is kept but their boxes.
+fn send(
+    source: &AssetSource,
+    range: Range<usize>,
+    writer: &mut AssetCopier<'_>,
+    target: &dyn DeviceRange,
+) -> Result<EncodedStretch, RenderError> {
+    let mut boxes = Vec::with_capacity(range.len());
+    let offset = (range.start * RECORD) as u64;
+    writer.section(target, offset, (range.len(), RECORD), |first, out| {
+        let first = range.start + first;
+        level::records(source, first..first + out.len() / RECORD, out, &mut boxes);
+    })?;
+    writer.pieces(&level::beside(source, range.clone()), target)?;
+    Ok(EncodedStretch { first: range.start, pieces: Vec::new(), boxes })
+}
 
 /// The encoding of an assembly or chunk with its tree, and the stack entries that a walk of it needs.
 fn encoded(source: &AssetSource, stretches: Vec<EncodedStretch>, (nodes, stack): (&[u8], u32)) -> EncodedAsset {

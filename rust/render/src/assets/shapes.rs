@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Shapes of the trees over records that move: a chunk of a live scene whose records are elsewhere gets the tree that it
-//! had, with other boxes. A shape that has worn out is dropped, so that the next load builds a tree, within a number of
-//! records for each snapshot. Any thread.
+//! Shapes of the trees over records that move: a chunk of a live scene whose records are elsewhere gets the tree that
+//! it had, with other boxes. A shape that has worn out is dropped, so that the next load builds a tree, within a number
+//! of records for each snapshot. Any thread.
 
 use crate::job::timings::LevelCounts;
 use crate::sync::lock;

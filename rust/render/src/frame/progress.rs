@@ -237,6 +237,7 @@ impl<'a> FrameProgress<'a> {
         levels.refitted_records += made.refitted_records;
         levels.worn += made.worn;
         let levels = *levels;
+        lock(&self.shared.timings).levels = levels;
         self.streaming(|stats| (stats.trees_built, stats.trees_refitted) = (levels.built, levels.refitted));
     }
 

@@ -61,6 +61,9 @@ fn limit_mapped_tiles(context: &FrameContext<'_>, scene: &DeviceScene) -> Result
 /// Sets the limit of host memory for shapes of trees over records that move.
 fn limit_shapes(job: &RenderJob, scene: &DeviceScene) {
     let shapes = scene.store.shapes();
+    if scene.assets.shapes().next().is_none() {
+        return shapes.limit(0);
+    }
     let encoded = host_memory::limit_of(HostMemoryUser::Encoded, &job.settings, shapes.bytes(), job.fixed_host_bytes);
     shapes.limit(encoded / SHAPES_SHARE);
 }

@@ -253,8 +253,8 @@ impl InstanceRun {
         self.spec.key_count()
     }
 
-    /// Returns true if each rank is that of the same instance in `other`, the same ranks are usable, and placements have
-    /// as many keys: what differs is where they are.
+    /// Returns true if each rank is that of the same instance in `other`, the same ranks are usable, and placements
+    /// have as many keys: what differs is where they are.
     pub(crate) fn has_ranks_of(&self, other: &Self) -> bool {
         let has_same_instances = match (&self.spec.instances, &other.spec.instances) {
             (None, None) => true,
