@@ -18,7 +18,7 @@ KEYS = [
     "oocpt:inCore", "oocpt:chunks", "oocpt:chunkInstances", "oocpt:residentChunks", "oocpt:loads", "oocpt:reloads",
     "oocpt:evictions",
     "oocpt:bytesPaged", "oocpt:hitRate", "oocpt:waitingRays", "oocpt:stragglers", "oocpt:geometryPeakBytes",
-    "oocpt:mappedBytes", "oocpt:isSplit",
+    "oocpt:mappedBytes", "oocpt:isSplit", "oocpt:treesBuilt", "oocpt:treesRefitted",
     "oocpt:roulettePaths", "oocpt:rouletteShadowRays", "oocpt:rouletteLoadsSaved",
     "oocpt:errorSamples", "oocpt:errorSeconds", "oocpt:errorEstimate", "oocpt:errorLow", "oocpt:errorHigh",
     "oocpt:errorWorstPixels",

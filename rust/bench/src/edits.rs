@@ -71,7 +71,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
             distinct: false,
             seed: 7,
         };
-        let session = arguments.live.session()?;
+        let session = arguments.live.session(false)?;
         let prims = session.with_scene(|db| island::build(db, &island))?;
         let mut pebbles = prims
             .instancers

@@ -5,7 +5,7 @@ use anyhow::{Context, Result, ensure};
 use oocpt_core::camera::Camera;
 use oocpt_core::mesh::level_node_count;
 use oocpt_core::scene::{InstancerDesc, Snapshot};
-use oocpt_core::settings::SettingValue;
+use oocpt_core::settings::{SettingValue, Settings};
 use oocpt_render::{RenderRequest, Session, SessionOptions};
 use std::sync::Arc;
 use std::time::Instant;
@@ -52,9 +52,9 @@ pub(crate) struct CommitCounts {
 }
 
 impl LiveOptions {
-    /// A session without a scene.
-    pub(crate) fn session(&self) -> Result<Session> {
-        let settings = common::plain_settings(1, 1, &self.reported.device);
+    /// A session without a scene. With `holds` chunks of what moves are held, as in a live view.
+    pub(crate) fn session(&self, holds: bool) -> Result<Session> {
+        let settings = Settings { interactive: holds, ..common::plain_settings(1, 1, &self.reported.device) };
         let session = Session::with_options(settings, SessionOptions::default());
         session.set_setting("oocpt:geometryBudget", SettingValue::Int(self.geometry_budget.into()))?;
         Ok(session)

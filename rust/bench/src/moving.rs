@@ -35,6 +35,9 @@ pub(crate) struct Arguments {
     /// Moves them by velocities while the shutter is open, too: a record of two keys each.
     #[arg(long)]
     blurred: bool,
+    /// Cuts and builds anew what moves, as a batch render does.
+    #[arg(long)]
+    cut: bool,
     #[command(flatten)]
     live: LiveOptions,
 }
@@ -63,6 +66,12 @@ struct Row {
     nodes: usize,
     /// Meshes whose triangles or trees are another allocation than before.
     meshes_rebuilt: usize,
+    /// Trees over instances that kept their shape.
+    trees_refitted: u64,
+    /// Instances below them.
+    records_refitted: u64,
+    /// Trees over instances that were built.
+    trees_built: u64,
 }
 
 #[derive(Debug, Serialize)]
@@ -79,7 +88,7 @@ struct MovingReport {
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let mut report = None;
     for &instances in &arguments.instances {
-        let session = arguments.live.session()?;
+        let session = arguments.live.session(!arguments.cut)?;
         session.with_scene(|db| forest::build(db, instances))?;
         let rest = forest::scatter(instances)?;
         session.render(arguments.live.request(forest::camera));
@@ -98,7 +107,7 @@ fn head(arguments: &Arguments, session: &Session) -> MovingReport {
     let machine = arguments.live.reported.machine(Some(session));
     println!("moving instances on {machine}");
     println!(
-        "{:>10} {:>10} {:>9} {:>9} {:>9} {:>9} {:>9} {:>8} {:>12} {:>12} {:>10} {:>18}",
+        "{:>10} {:>10} {:>9} {:>9} {:>9} {:>9} {:>9} {:>8} {:>12} {:>12} {:>10} {:>18} {:>9} {:>6}",
         "instances",
         "moved",
         "edit s",
@@ -110,7 +119,9 @@ fn head(arguments: &Arguments, session: &Session) -> MovingReport {
         "uploaded B",
         "chunks",
         "records",
-        "nodes"
+        "nodes",
+        "refitted",
+        "built"
     );
     let LiveOptions { width, height, .. } = arguments.live;
     let frames = arguments.frames;
@@ -147,6 +158,9 @@ fn animate(arguments: &Arguments, session: &Session, rest: &InstancerDesc, perce
             row.nodes = after.world.chunks.iter().map(|chunk| level_node_count(chunk.len())).sum::<usize>()
                 + after.world.top.nodes.len();
             row.meshes_rebuilt += made.meshes;
+            row.trees_refitted += timings.levels.refitted;
+            row.records_refitted += timings.levels.refitted_records;
+            row.trees_built += timings.levels.built;
         }
     }
     let count = frames as usize;
@@ -156,7 +170,9 @@ fn animate(arguments: &Arguments, session: &Session, rest: &InstancerDesc, perce
     {
         *secs /= mean;
     }
-    row.uploaded_bytes /= u64::from(frames);
+    for sum in [&mut row.uploaded_bytes, &mut row.trees_refitted, &mut row.records_refitted, &mut row.trees_built] {
+        *sum = sum.div_ceil(u64::from(frames));
+    }
     for sum in [&mut row.chunks_rebuilt, &mut row.records_rebuilt, &mut row.nodes_rebuilt, &mut row.meshes_rebuilt] {
         *sum = sum.div_ceil(count);
     }
@@ -196,7 +212,7 @@ fn placed(rest: &InstancerDesc, places: &TypedArray, moved: usize, frame: u32, b
 
 fn print_row(row: &Row) {
     println!(
-        "{:>10} {:>10} {:>9.4} {:>9.4} {:>9.4} {:>9.4} {:>9.4} {:>8.2} {:>12} {:>12} {:>10} {:>18}",
+        "{:>10} {:>10} {:>9.4} {:>9.4} {:>9.4} {:>9.4} {:>9.4} {:>8.2} {:>12} {:>12} {:>10} {:>18} {:>9} {:>6}",
         row.instances,
         row.moved,
         row.edit_secs,
@@ -208,7 +224,9 @@ fn print_row(row: &Row) {
         row.uploaded_bytes,
         format!("{} of {}", row.chunks_rebuilt, row.chunks),
         row.records_rebuilt,
-        format!("{} of {}", row.nodes_rebuilt, row.nodes)
+        format!("{} of {}", row.nodes_rebuilt, row.nodes),
+        row.trees_refitted,
+        row.trees_built
     );
 }
 

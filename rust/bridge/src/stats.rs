@@ -130,11 +130,13 @@ fn error(row: &ErrorRow) -> Vec<NamedValue> {
 }
 
 /// The figures about chunks, memory and the overlap of tracing and loading.
-fn streaming(stats: &StreamingStats) -> [NamedValue; 37] {
+fn streaming(stats: &StreamingStats) -> [NamedValue; 39] {
     [
         flag("oocpt:inCore", stats.in_core),
         integer("oocpt:chunks", stats.chunks),
         integer("oocpt:chunkInstances", stats.chunk_instances),
+        integer("oocpt:treesBuilt", stats.trees_built),
+        integer("oocpt:treesRefitted", stats.trees_refitted),
         integer("oocpt:residentChunks", stats.resident_chunks),
         integer("oocpt:chunksTouched", stats.chunks_touched),
         integer("oocpt:loads", stats.loads),

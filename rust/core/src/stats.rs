@@ -242,6 +242,10 @@ pub struct StreamingStats {
     pub chunks: u64,
     /// Placements of chunks in the top level.
     pub chunk_instances: u64,
+    /// Trees over records of instances that were built for the device, in core too.
+    pub trees_built: u64,
+    /// Those that were refitted in their place, since their records have moved.
+    pub trees_refitted: u64,
     /// Chunks usable on the device now.
     pub resident_chunks: u64,
     /// Chunks that were resident at least once.

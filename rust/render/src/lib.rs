@@ -44,7 +44,7 @@ pub use job::forced_features::ForcedFeatures;
 pub use job::light_files::{LightFiles, LightPicture, NoFiles};
 pub use job::product::{ProductVar, RenderProduct};
 pub use job::request::{MAX_PIXELS, MAX_SIDE, Message, RenderRequest, Severity};
-pub use job::timings::{LeftMoment, PassTime, RenderTimings};
+pub use job::timings::{LeftMoment, LevelCounts, PassTime, RenderTimings};
 pub use job::window::PixelWindow;
 pub use report::{chunk_report, error_report, material_report};
 pub use session::Session;

@@ -282,6 +282,15 @@ impl Assembly {
     }
 }
 
+/// Ranks of a member that are placed elsewhere.
+#[derive(Clone, Debug)]
+pub(crate) enum MovedRanks {
+    Nothing,
+    /// These, in order.
+    Ranks(Arc<Vec<u32>>),
+    All,
+}
+
 /// Takes a record, its member, its rank and, if it moves, its keys.
 pub(crate) type RecordVisitor<'a> = &'a mut dyn FnMut(InstanceRecord, &AssemblyMember, u32, Option<PlacementKeys>);
 
@@ -302,6 +311,22 @@ impl AssemblyMember {
             return None;
         }
         if Arc::ptr_eq(&self.run, &next.run) { Some(None) } else { next.run.edits_of(&self.run).map(Some) }
+    }
+
+    /// The ranks that other arrays may place elsewhere in `next`; `None` if anything else differs.
+    pub(crate) fn moved_ranks(&self, next: &Self) -> Option<MovedRanks> {
+        let is_alike = self.name() == next.name()
+            && self.target == next.target
+            && self.prim_id == next.prim_id
+            && MemberPrimvar::are_same(&self.primvars, &next.primvars);
+        if !is_alike {
+            return None;
+        }
+        if Arc::ptr_eq(&self.run, &next.run) {
+            return Some(MovedRanks::Nothing);
+        }
+        let ranks = next.run.edits_of(&self.run);
+        next.run.has_ranks_of(&self.run).then(|| ranks.map_or(MovedRanks::All, MovedRanks::Ranks))
     }
 
     /// Number of records of an instancer's prototype, for instance ids.

@@ -127,7 +127,7 @@ impl ChunkCutter<'_> {
         for piece in pieces {
             match piece {
                 OrderPiece::Kept(chunk) => {
-                    for (id, &n) in chunk.ids.iter().zip(&chunk.counts) {
+                    for (id, &n) in chunk.ids.iter().zip(chunk.counts.iter()) {
                         let member = self.member_of.get(id).copied().unwrap_or(u32::MAX);
                         *placed.entry(member).or_default() += u64::from(n);
                     }

@@ -47,16 +47,28 @@ pub struct Chunk {
     /// Morton codes of the first and the last record.
     pub(crate) codes: [u64; 2],
     /// Members that have records in the chunk, in the order of the assembly: lasting ids, and the number of records.
-    pub(crate) ids: Vec<u32>,
-    pub(crate) counts: Vec<u32>,
+    pub(crate) ids: Arc<Vec<u32>>,
+    pub(crate) counts: Arc<Vec<u32>>,
     /// Members of the records, in the order of `ids`. Replaced when arrays are, if that changes no record of the chunk.
     members: RwLock<Arc<[AssemblyMember]>>,
     /// Rank of each record.
-    pub(crate) ranks: Vec<u32>,
+    pub(crate) ranks: Arc<Vec<u32>>,
     /// Index into `ids` of each record; empty if there is only one id.
-    pub(crate) which: IndexSet,
-    /// Boxes of consecutive records.
-    pub(crate) blocks: Vec<RecordBlock>,
+    pub(crate) which: Arc<IndexSet>,
+    /// Boxes of consecutive records; of a held chunk, those before its records moved.
+    pub(crate) blocks: Arc<Vec<RecordBlock>>,
+    /// What it was before its records moved, if they did.
+    pub(crate) held: Option<HeldChunk>,
+}
+
+/// The past of a chunk whose records have moved within it ([`super::hold`]): its cell and its order are those of the
+/// chunk that it was cut as.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct HeldChunk {
+    /// Key of that chunk.
+    pub(crate) shape: u64,
+    /// Half the surface of that chunk's box.
+    pub(crate) area: f64,
 }
 
 /// The inputs of a chunk.
@@ -139,11 +151,27 @@ impl Chunk {
         let mut targets: Vec<InstanceTarget> = members.iter().map(|m| m.target).collect();
         targets.sort_unstable();
         targets.dedup();
-        let ids = present.iter().filter_map(|&m| roster.ids.get(m as usize).copied()).collect();
+        let ids = Arc::new(present.iter().filter_map(|&m| roster.ids.get(m as usize).copied()).collect());
         let columns = MemberPrimvar::columns(members.iter().map(|m| &m.primvars[..]));
         let moves = members.iter().any(|member| member.run.key_count() > 0);
         let members = RwLock::new(members);
-        Self { key: 0, origin, bounds, targets, columns, moves, codes, ids, counts, members, ranks, which, blocks }
+        let (counts, ranks, which, blocks) = (Arc::new(counts), Arc::new(ranks), Arc::new(which), Arc::new(blocks));
+        Self {
+            key: 0,
+            origin,
+            bounds,
+            targets,
+            columns,
+            moves,
+            codes,
+            ids,
+            counts,
+            members,
+            ranks,
+            which,
+            blocks,
+            held: None,
+        }
     }
 
     /// A stamp, unique in its [`crate::scene::SceneDb`]: chunks of equal keys have the same records bit for bit, and a
@@ -151,6 +179,19 @@ impl Chunk {
     #[must_use]
     pub fn key(&self) -> u64 {
         self.key
+    }
+
+    /// Chunks of equal shapes have the same records in the same order, elsewhere: the key of the chunk that this one was
+    /// before its records moved, or its own.
+    #[must_use]
+    pub fn shape(&self) -> u64 {
+        self.held.map_or(self.key, |held| held.shape)
+    }
+
+    /// Whether its records have moved since it was cut.
+    #[must_use]
+    pub fn is_held(&self) -> bool {
+        self.held.is_some()
     }
 
     /// The point of the assembly's frame that is (0, 0, 0) in the chunk's.
@@ -204,13 +245,22 @@ impl Chunk {
     /// `range.start + k` goes to `out[k]`. Pure; call it from many threads with disjoint outputs. Stops at the end of
     /// `out`, of `range` or of the chunk, whichever comes first.
     pub fn encode(&self, range: Range<usize>, out: &mut [InstanceRecord]) {
-        let members = self.members();
-        let range = range.start..range.end.min(self.len()).min(range.start.saturating_add(out.len()));
-        let mut readers = MemberReaders::new(&members, Some(self.origin));
-        self.each(range.clone(), &mut readers, |at, member, rank, reader| {
-            if let (Some(placed), Some(slot)) = (reader.place(rank), out.get_mut(at - range.start)) {
-                *slot = member.record(rank, &placed);
+        let end = range.end.min(range.start.saturating_add(out.len()));
+        self.encode_each(range.start..end, |at, record| {
+            if let Some(slot) = out.get_mut(at - range.start) {
+                *slot = *record;
             }
+        });
+    }
+
+    /// As [`Chunk::encode`], but gives each record with its number to `visit`, which may put it where it likes.
+    pub fn encode_each(&self, range: Range<usize>, mut visit: impl FnMut(usize, &InstanceRecord)) {
+        let members = self.members();
+        let mut readers = MemberReaders::new(&members, Some(self.origin));
+        self.each(range, &mut readers, |at, member, rank, reader| {
+            // All placements of a chunk are usable.
+            let record = reader.place(rank).map(|placed| member.record(rank, &placed));
+            visit(at, &record.unwrap_or_default());
         });
     }
 
@@ -325,6 +375,32 @@ impl Chunk {
         Some((self.which.get(at).unwrap_or(0), *self.ranks.get(at)?))
     }
 
+    /// The chunk whose records, which `members` place now, fill `bounds`; without key.
+    pub(crate) fn moved(&self, members: Arc<[AssemblyMember]>, bounds: Aabb) -> Self {
+        let held = self.held.unwrap_or_else(|| HeldChunk { shape: self.key, area: half_area(&self.bounds) });
+        Self {
+            key: 0,
+            origin: self.origin,
+            bounds,
+            targets: self.targets.clone(),
+            columns: self.columns.clone(),
+            moves: self.moves,
+            codes: self.codes,
+            ids: Arc::clone(&self.ids),
+            counts: Arc::clone(&self.counts),
+            members: RwLock::new(members),
+            ranks: Arc::clone(&self.ranks),
+            which: Arc::clone(&self.which),
+            blocks: Arc::clone(&self.blocks),
+            held: Some(held),
+        }
+    }
+
+    /// The box in the chunk's frame of records that fill a box of the assembly's frame, with their largest spread.
+    pub(crate) fn bounds_of(&self, around: [DVec3; 2], spread: f64) -> Aabb {
+        bounds_about(self.origin, around, spread)
+    }
+
     /// Returns true if both have the same records of members, in the same order, with equal boxes.
     pub(crate) fn has_places_of(&self, other: &Self) -> bool {
         self.codes == other.codes
@@ -414,13 +490,23 @@ fn measured_box(members: &[AssemblyMember], ranks: &[u32], which: &IndexSet) -> 
 /// Origin, and box in the chunk's frame, of records in a box with a spread.
 fn frame(([min, max], spread): ([DVec3; 2], f64), keeps_frame: bool) -> (DVec3, Aabb) {
     let origin = if keeps_frame { DVec3::ZERO } else { 0.5 * (min + max) };
+    (origin, bounds_about(origin, [min, max], spread))
+}
+
+/// Box about `origin` of records in a box with a spread.
+fn bounds_about(origin: DVec3, [min, max]: [DVec3; 2], spread: f64) -> Aabb {
     let reach = (min - origin).abs().max((max - origin).abs()).max_element();
     // The map of a record has an error of its spread times the distance between the origin and the record, twice: for
     // the map's offset and for its evaluation.
     let error = SLACK * (2.0 * spread * reach * MATRIX_ERROR) + FRAME_ERROR * (origin.abs().max_element() + reach);
-    let bounds = Aabb {
+    Aabb {
         min: (min - origin - error).to_array().map(round_down),
         max: (max - origin + error).to_array().map(round_up),
-    };
-    (origin, bounds)
+    }
+}
+
+/// Half the surface of a box that is not empty.
+pub(crate) fn half_area(b: &Aabb) -> f64 {
+    let [x, y, z] = [0, 1, 2].map(|k| f64::from(b.max[k]) - f64::from(b.min[k]));
+    x * y + y * z + z * x
 }

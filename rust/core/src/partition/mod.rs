@@ -7,8 +7,8 @@
 //!
 //! Stages of a commit: `cost` finds what is large, `store` opens assemblies and keeps what did not change, `lattice`
 //! and `cells` cut their members into chunks (`stretches` one part after the other, by `buckets`, if there are too
-//! many), `place` composes the placements in f64, `top` builds the hierarchy over them. Pure and deterministic; work is
-//! spread over the caller's rayon pool.
+//! many), `place` composes the placements in f64, `top` builds the hierarchy over them. In a live scene `hold` keeps
+//! the chunks of records that move. Pure and deterministic; work is spread over the caller's rayon pool.
 
 mod blocks;
 mod buckets;
@@ -17,6 +17,7 @@ mod changes;
 mod chunk;
 mod cost;
 mod gather;
+mod hold;
 mod lattice;
 mod part;
 mod patch;
@@ -35,6 +36,7 @@ use glam::DVec3;
 
 pub(crate) use buckets::OrderBuckets;
 pub use chunk::Chunk;
+pub use hold::HELD_FROM;
 pub(crate) use placed::PlacedReader;
 pub use placed::PlacedValues;
 pub(crate) use placement::PlacedValue;

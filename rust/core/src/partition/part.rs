@@ -5,7 +5,7 @@
 //! ones, are sorted anew and cut together. The result equals that of cutting everything anew. It costs a few steps per
 //! chunk, a copy of the touched chunks, and some measuring per edited record.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHashSet};
@@ -38,6 +38,8 @@ pub(crate) struct AssemblyPart {
     /// Chunks in Morton order.
     pub(crate) chunks: Vec<Arc<Chunk>>,
     next_id: u32,
+    /// The chunk size that they were cut for.
+    chunk_bytes: u64,
 }
 
 /// A member and its lasting id.
@@ -81,6 +83,8 @@ pub(crate) struct PartitionJob<'a> {
     pub(crate) item_bytes: u64,
     /// Buckets that the scans of this commit used.
     pub(crate) buckets: Option<&'a OrderBuckets>,
+    /// True if chunks whose records move are held.
+    pub(crate) holds: bool,
 }
 
 impl<'a> PartitionJob<'a> {
@@ -107,8 +111,23 @@ impl<'a> PartitionJob<'a> {
 }
 
 impl AssemblyPart {
+    /// Returns true if its chunks were cut for this size.
+    pub(super) fn is_cut_for(&self, chunk_bytes: u64) -> bool {
+        self.lattice.is_some() && self.chunk_bytes == chunk_bytes
+    }
+
+    /// Lasting ids and members of the last partition, in order.
+    pub(super) fn known_members(&self) -> impl ExactSizeIterator<Item = (u32, &AssemblyMember)> {
+        self.members.iter().map(|known| (known.id, &known.member))
+    }
+
     /// Brings the partition up to date. New chunks have key 0.
     pub(crate) fn update(&mut self, job: PartitionJob<'_>) {
+        if let Some(chunks) = self.hold(job) {
+            self.chunks = chunks;
+            self.members.iter_mut().zip(job.inside()).for_each(|(known, (_, member))| known.member = member.clone());
+            return;
+        }
         let lattice = job.lattice();
         if self.lattice != Some(lattice) || self.next_id > u32::MAX / 2 {
             *self = Self { lattice: Some(lattice), ..Self::default() };
@@ -130,6 +149,7 @@ impl AssemblyPart {
         self.members = known.collect();
         self.chunks = chunks;
         self.next_id = changes.next_id;
+        self.chunk_bytes = job.chunk_bytes;
     }
 
     /// All chunks, cut in stretches, if there are too many new items to hold them at once.
@@ -143,7 +163,8 @@ impl AssemblyPart {
         let records: u64 = members.iter().map(|(_, member)| member.run.len() as u64).sum();
         // A cell with more items is always cut.
         let most = at_once(job.item_bytes, records).max(cutter.rule.most_records());
-        if !cuts_in_stretches(changes.fresh(job.assembly.members()), records, most) {
+        let held: u64 = self.chunks.iter().filter(|chunk| chunk.is_held()).map(|chunk| chunk.len() as u64).sum();
+        if !cuts_in_stretches(changes.fresh(job.assembly.members()) + held, records, most) {
             return None;
         }
         let known = job.buckets.filter(|buckets| buckets.lattice() == *cutter.lattice);
@@ -168,7 +189,8 @@ impl AssemblyPart {
         members: &[AssemblyMember],
     ) -> Vec<Arc<Chunk>> {
         let name = |chunk: &Chunk| (chunk.codes, chunk.ids.first().copied(), chunk.ranks.first().copied());
-        let old: FxHashMap<_, &Arc<Chunk>> = self.chunks.iter().map(|chunk| (name(chunk), chunk)).collect();
+        let cut = self.chunks.iter().filter(|chunk| !chunk.is_held());
+        let old: FxHashMap<_, &Arc<Chunk>> = cut.map(|chunk| (name(chunk), chunk)).collect();
         let edited = changes.edited_ranks();
         chunks.par_iter_mut().for_each(|chunk| {
             let known = old.get(&name(chunk)).filter(|old| old.has_places_of(chunk));
@@ -183,17 +205,22 @@ impl AssemblyPart {
     /// Chunks made from the earlier ones, with all new items sorted at once.
     fn cut_again(&self, cutter: &ChunkCutter<'_>, changes: &MemberChanges, item_bytes: u64) -> Vec<Arc<Chunk>> {
         let (roster, lattice) = (cutter.roster, cutter.lattice);
-        let gained = sorted(new_items(roster.members, changes, lattice), item_bytes);
-        let lost = self.lost_items(changes, lattice);
-        let edits = ChunkEdits::of_chunks(&self.chunks, &lost, &gained);
-        let fates = self.fates(changes, &edits);
-        let changed = if fates.contains(&ChunkUpdate::Melt) { changes.places() } else { FxHashSet::default() };
+        // Held chunks are dissolved, wherever their records are by now.
+        let (held, chunks): (Vec<_>, Vec<_>) = self.chunks.iter().cloned().partition(|chunk| chunk.is_held());
+        let mut new = new_items(roster.members, changes, lattice);
+        let places = OnceLock::new();
         let melt = |chunk: &Chunk| {
+            let changed: &FxHashSet<_> = places.get_or_init(|| changes.places());
             let mut items = cutter.melt(chunk);
             items.retain(|i| !changed.contains(&(i.member(), i.rank())));
-            UpdatedChunk::Melted(items)
+            items
         };
-        let done: Vec<UpdatedChunk> = (&self.chunks, &edits, &fates)
+        new.par_extend(held.par_iter().map(|chunk| melt(chunk)));
+        let gained = sorted(new, item_bytes);
+        let lost = self.lost_items(changes, lattice);
+        let edits = ChunkEdits::of_chunks(&chunks, &lost, &gained);
+        let fates = fates(&chunks, changes, &edits);
+        let done: Vec<UpdatedChunk> = (&chunks, &edits, &fates)
             .into_par_iter()
             .with_max_len(1)
             .map(|(chunk, edits, fate)| match fate {
@@ -206,9 +233,12 @@ impl AssemblyPart {
                     let lost = lost.get(edits.lost.clone()).unwrap_or_default();
                     let gained = gained.get(edits.gained.clone()).unwrap_or_default();
                     let patched = cutter.patch(chunk, lost, gained);
-                    patched.map_or_else(|| melt(chunk), |chunk| UpdatedChunk::Patched(Arc::new(chunk)))
+                    patched.map_or_else(
+                        || UpdatedChunk::Melted(melt(chunk)),
+                        |chunk| UpdatedChunk::Patched(Arc::new(chunk)),
+                    )
                 }
-                ChunkUpdate::Melt => melt(chunk),
+                ChunkUpdate::Melt => UpdatedChunk::Melted(melt(chunk)),
             })
             .collect();
         let items = loose(gained, &edits, &done);
@@ -236,28 +266,6 @@ impl AssemblyPart {
         }
         lost.par_sort_unstable_by_key(PlacementItem::key);
         lost
-    }
-
-    /// The update of each chunk. Chunks of equal codes have the same update.
-    fn fates(&self, changes: &MemberChanges, edits: &[ChunkEdits]) -> Vec<ChunkUpdate> {
-        let is_gone = |id: &u32| !changes.member_of.contains_key(id);
-        let fate = |(chunk, edits): (&Arc<Chunk>, &ChunkEdits)| match edits.len() {
-            _ if !changes.takes_gone_records && chunk.ids.iter().any(is_gone) => ChunkUpdate::Melt,
-            0 if changes.revalues(chunk) => ChunkUpdate::Revalue,
-            0 => ChunkUpdate::Keep,
-            _ if edits.are_few(chunk) => ChunkUpdate::Patch,
-            _ => ChunkUpdate::Melt,
-        };
-        let mut fates: Vec<ChunkUpdate> = self.chunks.par_iter().zip(edits).map(fate).collect();
-        let mut start = 0;
-        for stretch in self.chunks.chunk_by(|a, b| a.codes[1] == b.codes[0]) {
-            let part = fates.get_mut(start..start + stretch.len()).unwrap_or_default();
-            if part.len() > 1 && part.iter().any(|fate| matches!(fate, ChunkUpdate::Patch | ChunkUpdate::Melt)) {
-                part.fill(ChunkUpdate::Melt);
-            }
-            start += stretch.len();
-        }
-        fates
     }
 
     /// Compares the members with those of the last partition; both are in the order of paths and slots.
@@ -312,6 +320,28 @@ impl UpdatedChunk {
             Self::Melted(_) => None,
         }
     }
+}
+
+/// The update of each chunk. Chunks of equal codes have the same update.
+fn fates(chunks: &[Arc<Chunk>], changes: &MemberChanges, edits: &[ChunkEdits]) -> Vec<ChunkUpdate> {
+    let is_gone = |id: &u32| !changes.member_of.contains_key(id);
+    let fate = |(chunk, edits): (&Arc<Chunk>, &ChunkEdits)| match edits.len() {
+        _ if !changes.takes_gone_records && chunk.ids.iter().any(is_gone) => ChunkUpdate::Melt,
+        0 if changes.revalues(chunk) => ChunkUpdate::Revalue,
+        0 => ChunkUpdate::Keep,
+        _ if edits.are_few(chunk) => ChunkUpdate::Patch,
+        _ => ChunkUpdate::Melt,
+    };
+    let mut fates: Vec<ChunkUpdate> = chunks.par_iter().zip(edits).map(fate).collect();
+    let mut start = 0;
+    for stretch in chunks.chunk_by(|a, b| a.codes[1] == b.codes[0]) {
+        let part = fates.get_mut(start..start + stretch.len()).unwrap_or_default();
+        if part.len() > 1 && part.iter().any(|fate| matches!(fate, ChunkUpdate::Patch | ChunkUpdate::Melt)) {
+            part.fill(ChunkUpdate::Melt);
+        }
+        start += stretch.len();
+    }
+    fates
 }
 
 /// Sorted items that are in no chunk: those of dissolved chunks, and gained items that are in no patched chunk.

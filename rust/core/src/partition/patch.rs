@@ -126,10 +126,10 @@ impl ChunkCutter<'_> {
         let content = ChunkContent {
             codes: chunk.codes,
             present: chunk.ids.iter().filter_map(|id| self.member_of.get(id).copied()).collect(),
-            counts: chunk.counts.clone(),
-            ranks: chunk.ranks.clone(),
-            which: chunk.which.clone(),
-            blocks: chunk.blocks.clone(),
+            counts: chunk.counts.to_vec(),
+            ranks: chunk.ranks.to_vec(),
+            which: IndexSet::clone(&chunk.which),
+            blocks: chunk.blocks.to_vec(),
         };
         Chunk::of(content, self.roster, self.lattice)
     }
@@ -304,7 +304,7 @@ impl ChunkPatch<'_> {
     /// The content of the patched chunk.
     fn content(&self, codes: [u64; 2], blocks: Vec<RecordBlock>) -> Option<ChunkContent> {
         let chunk = self.chunk;
-        let mut left = chunk.counts.clone();
+        let mut left = chunk.counts.to_vec();
         for (at, _) in &self.lost {
             *left.get_mut(chunk.place(*at)?.0 as usize)? -= 1;
         }

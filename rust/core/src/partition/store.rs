@@ -28,6 +28,8 @@ const MAX_INSTANCES: u128 = 1 << 22;
 pub(crate) struct PartitionStore {
     options: PartitionOptions,
     item_bytes: u64,
+    /// True if chunks whose records move are held.
+    holds: bool,
     next_key: u64,
     parts: FxHashMap<GroupId, AssemblyPart>,
     world: Arc<PartitionedWorld>,
@@ -58,6 +60,7 @@ impl Default for PartitionStore {
         Self {
             options: PartitionOptions::default(),
             item_bytes: ITEM_BYTES,
+            holds: false,
             next_key: 0,
             parts: FxHashMap::default(),
             world: Arc::new(PartitionedWorld::empty()),
@@ -75,6 +78,14 @@ impl PartitionStore {
     /// Sets the bytes of items that are held at once, which does not change the result.
     pub(crate) fn set_item_bytes(&mut self, bytes: u64) {
         self.item_bytes = bytes;
+    }
+
+    /// Sets whether chunks whose records move are held; returns true if some are and are to be cut now.
+    pub(crate) fn set_holds(&mut self, holds: bool) -> bool {
+        self.holds = holds;
+        let must_cut = !holds && self.world.chunks.iter().any(|chunk| chunk.is_held());
+        self.seen = self.seen.take().filter(|_| !must_cut);
+        must_cut
     }
 
     /// Bytes of items that are held at once.
@@ -119,14 +130,15 @@ impl PartitionStore {
     fn partition(&mut self, source: PartitionSource<'_>, costs: &AssetCosts, opened: &[bool]) -> Vec<Vec<Arc<Chunk>>> {
         let mut old = std::mem::take(&mut self.parts);
         let chunk_bytes = self.options.chunk_bytes();
-        let item_bytes = self.item_bytes;
+        let (item_bytes, holds) = (self.item_bytes, self.holds);
         let all = source.groups.iter().zip(source.assemblies).zip(source.buckets).zip(opened);
         all.map(|(((group, assembly), buckets), &is_opened)| {
             if !is_opened {
                 return Vec::new();
             }
             let mut part = old.remove(*group).unwrap_or_default();
-            part.update(PartitionJob { assembly, costs, chunk_bytes, opened, item_bytes, buckets: buckets.as_ref() });
+            let buckets = buckets.as_ref();
+            part.update(PartitionJob { assembly, costs, chunk_bytes, opened, item_bytes, buckets, holds });
             for chunk in &mut part.chunks {
                 // New ones are not shared yet.
                 if let Some(chunk) = Arc::get_mut(chunk).filter(|chunk| chunk.key == 0) {

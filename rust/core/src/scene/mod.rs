@@ -267,6 +267,13 @@ impl SceneDb {
         self.partition.set_item_bytes(bytes);
     }
 
+    /// Sets whether the scene is live, from the next commit on; it is not by default. A live scene holds chunks while
+    /// their records move ([`crate::partition::Chunk::shape`]), so a commit costs less, and the chunks, with them the
+    /// last bits of a picture, depend on the edits that led to the scene.
+    pub fn set_live(&mut self, is_live: bool) {
+        self.edited |= self.partition.set_holds(is_live);
+    }
+
     /// Sets the camera that decides how finely subdivision surfaces are cut, from the next commit on. Before the first
     /// call they are cut as their refine levels say.
     pub fn set_dicing(&mut self, camera: DicingCamera) {

@@ -142,6 +142,8 @@ impl SceneCache {
                 };
                 let keep: FxHashSet<AssetKey> = assets.keys().map(|(_, key)| key).collect();
                 store.retain(&keep, |image| assets.textures.has(image));
+                let moving: FxHashSet<u64> = assets.shapes().collect();
+                store.shapes().begin(|shape| moving.contains(&shape));
                 self.scene = Some(DeviceScene {
                     assets,
                     store,

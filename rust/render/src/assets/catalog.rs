@@ -209,6 +209,11 @@ impl SceneAssets {
         }
     }
 
+    /// Shapes of the chunks whose records move.
+    pub(crate) fn shapes(&self) -> impl Iterator<Item = u64> + '_ {
+        self.sources.iter().filter_map(AssetSource::shape)
+    }
+
     /// The table entry of `asset`.
     pub(crate) fn slot(&self, asset: AssetId) -> AssetSlot {
         let at = asset as usize;

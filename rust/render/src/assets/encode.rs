@@ -39,7 +39,7 @@ impl<'a> AssetCopier<'a> {
 
     /// Fills `count` items of `stride` bytes at `offset` of `target`: `fill` writes items `first..` to the bytes it is
     /// given.
-    fn section(
+    pub(super) fn section(
         &mut self,
         target: &dyn DeviceRange,
         offset: u64,

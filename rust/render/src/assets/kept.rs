@@ -5,15 +5,17 @@
 //! that is not kept costs no more than encoding it. Any thread.
 
 use super::level::EncodedAsset;
+use super::shapes::LevelShapes;
 use super::source::AssetKey;
 use crate::sync::lock;
 use rustc_hash::FxHashMap;
 use std::sync::{Arc, Mutex};
 
-/// Encoded assets by key, within a limit of bytes.
+/// Encoded assets by key, within a limit of bytes; and the shapes of trees.
 #[derive(Debug, Default)]
 pub(crate) struct EncodedAssets {
     state: Mutex<KeptAssets>,
+    pub(super) shapes: LevelShapes,
 }
 
 #[derive(Debug, Default)]
@@ -37,6 +39,11 @@ impl EncodedAssets {
     /// Bytes of host memory held.
     pub(crate) fn bytes(&self) -> u64 {
         lock(&self.state).bytes
+    }
+
+    /// Whether anything may be kept.
+    pub(crate) fn keeps(&self) -> bool {
+        lock(&self.state).most > 0
     }
 
     /// The kept encoding of an asset.

@@ -5,16 +5,19 @@
 //! The result holds no address, so it can be kept and copied to any place on the device. Pure; threads encode stretches
 //! of records in parallel, and the one that finishes the last stretch builds the tree.
 
+use super::shapes::LevelShapes;
 use super::source::AssetSource;
 use super::values::ValueLayout;
 use oocpt_abi::{FLIPS_HANDEDNESS, GpuInstance, GpuMotionKey, TARGET_ASSEMBLY, TARGET_MOVING};
 use oocpt_core::Aabb;
-use oocpt_core::mesh::build_level;
+use oocpt_core::mesh::LevelTree;
 use oocpt_core::scene::{InstanceRecord, InstanceTarget, MotionKey};
 use std::ops::Range;
 
 /// Records that one thread encodes at a time.
 const PART_RECORDS: usize = 4096;
+/// Bytes of a record.
+pub(super) const RECORD: usize = size_of::<GpuInstance>();
 
 /// Bytes of an asset, and their offset in it.
 #[derive(Debug, PartialEq, Eq)]
@@ -41,9 +44,9 @@ impl EncodedAsset {
 /// An encoded stretch of records.
 #[derive(Debug)]
 pub(crate) struct EncodedStretch {
-    first: usize,
+    pub(super) first: usize,
     pub(crate) pieces: Vec<EncodedPiece>,
-    boxes: Vec<Aabb>,
+    pub(super) boxes: Vec<Aabb>,
 }
 
 /// The stretches that threads may encode in parallel.
@@ -54,28 +57,26 @@ pub(crate) fn stretches(source: &AssetSource) -> impl Iterator<Item = Range<usiz
 
 /// Encodes records `range` of `source` with their values and keys.
 pub(crate) fn encode(source: &AssetSource, range: Range<usize>) -> EncodedStretch {
-    let mut records = vec![InstanceRecord::default(); range.len()];
-    source.encode(range.clone(), &mut records);
-    let boxes = records.iter().map(|record| Aabb { min: record.bounds[0], max: record.bounds[1] }).collect();
-    let mut pieces = vec![instances(source, range.clone(), &records)];
-    values(source, range.clone(), &mut pieces);
-    pieces.extend(keys(source, range.clone()));
+    let mut boxes = Vec::with_capacity(range.len());
+    let mut bytes = vec![0; range.len() * RECORD];
+    records(source, range.clone(), &mut bytes, &mut boxes);
+    let mut pieces = vec![EncodedPiece { offset: (range.start * RECORD) as u64, bytes }];
+    pieces.extend(beside(source, range.clone()));
     EncodedStretch { first: range.start, pieces, boxes }
 }
 
-/// The tree over the records of all stretches, and the stack entries that a walk of it needs.
-pub(crate) fn tree(source: &AssetSource, stretches: &mut [EncodedStretch]) -> (EncodedPiece, u32) {
+/// The tree over the records of all stretches.
+pub(crate) fn tree(source: &AssetSource, stretches: &mut [EncodedStretch], shapes: &LevelShapes) -> LevelTree {
     stretches.sort_unstable_by_key(|stretch| stretch.first);
     let boxes: Vec<Aabb> = stretches.iter_mut().flat_map(|stretch| std::mem::take(&mut stretch.boxes)).collect();
-    let tree = build_level(&boxes);
-    (EncodedPiece { offset: source.nodes_at(), bytes: bytemuck::cast_slice(&tree.nodes).to_vec() }, tree.stack)
+    shapes.tree(source.shape(), &boxes)
 }
 
-fn instances(source: &AssetSource, range: Range<usize>, records: &[InstanceRecord]) -> EncodedPiece {
-    const RECORD: usize = size_of::<GpuInstance>();
+/// Writes records `range` to `out`, and adds their boxes to `boxes`.
+pub(super) fn records(source: &AssetSource, range: Range<usize>, out: &mut [u8], boxes: &mut Vec<Aabb>) {
     let (keys_at, mut key) = (source.keys_at(), source.keys_before(range.start));
-    let mut bytes = Vec::with_capacity(records.len() * RECORD);
-    for record in records {
+    let mut out = out.chunks_exact_mut(RECORD);
+    source.encode_each(range, |_, record| {
         let mut instance = instance(record);
         if record.keys != 0 {
             // A target beyond 2^30 is rejected before it is encoded.
@@ -86,9 +87,19 @@ fn instances(source: &AssetSource, range: Range<usize>, records: &[InstanceRecor
             instance.object_from_parent[0][..2].copy_from_slice(&words.map(f32::from_bits));
             key += record.keys as usize;
         }
-        bytes.extend_from_slice(bytemuck::bytes_of(&instance));
-    }
-    EncodedPiece { offset: (range.start * RECORD) as u64, bytes }
+        if let Some(bytes) = out.next() {
+            bytes.copy_from_slice(bytemuck::bytes_of(&instance));
+        }
+        boxes.push(Aabb { min: record.bounds[0], max: record.bounds[1] });
+    });
+}
+
+/// The values and keys of records.
+pub(super) fn beside(source: &AssetSource, range: Range<usize>) -> Vec<EncodedPiece> {
+    let mut pieces = Vec::new();
+    values(source, range.clone(), &mut pieces);
+    pieces.extend(keys(source, range));
+    pieces
 }
 
 /// The values of records; the first stretch also has the table's entries.

@@ -6,7 +6,7 @@
 use super::copied::CopiedAssets;
 use super::encode::AssetCopier;
 use super::kept::EncodedAssets;
-use super::level::{self, EncodedAsset, EncodedPiece, EncodedStretch};
+use super::level::{self, EncodedAsset, EncodedPiece, EncodedStretch, RECORD};
 use super::source::AssetSource;
 use crate::device::loader::Loader;
 use crate::device::reading::ReadingLimit;
@@ -14,8 +14,9 @@ use crate::error::RenderError;
 use crate::sync::lock;
 use crossbeam_channel::{Receiver, Sender, unbounded};
 use oocpt_abi::Bvh4Node;
+use oocpt_core::mesh::LevelTree;
 use oocpt_core::residency::AssetId;
-use oocpt_gpu::{Gpu, HeapRange, StagingRing};
+use oocpt_gpu::{DeviceRange, Gpu, HeapRange, StagingRing};
 use rustc_hash::FxHashMap;
 use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -223,12 +224,22 @@ impl LoadJob {
         match &self.part {
             LoadPart::Records(at, range) => {
                 let WantedAsset { asset, source, target } = of(*at)?;
-                let stretch = level::encode(source, range.clone());
-                writer.pieces(&stretch.pieces, &**target)?;
-                let Some(stretches) = self.load.encoded(*at, stretch) else { return Ok(copied) };
-                let encoded = finish(source, stretches, |nodes| writer.pieces(nodes, &**target))?;
-                let stack = encoded.stack;
-                self.load.kept.offer(source.key(), encoded);
+                let kept = &self.load.kept;
+                let stretch = if kept.keeps() {
+                    let stretch = level::encode(source, range.clone());
+                    writer.pieces(&stretch.pieces, &**target)?;
+                    stretch
+                } else {
+                    send(source, range.clone(), writer, &**target)?
+                };
+                let Some(mut stretches) = self.load.encoded(*at, stretch) else { return Ok(copied) };
+                let LevelTree { nodes, stack } = level::tree(source, &mut stretches, &kept.shapes);
+                let nodes: &[u8] = bytemuck::cast_slice(&nodes);
+                writer.bytes(&**target, source.nodes_at(), nodes)?;
+                // Without the records of a stretch nothing can be kept.
+                if stretches.iter().all(|stretch| !stretch.pieces.is_empty()) {
+                    kept.offer(source.key(), encoded(source, stretches, (nodes, stack)));
+                }
                 copied.assets.push((*asset, stack));
             }
             LoadPart::Pieces(at, encoded, range) => {
@@ -270,17 +281,28 @@ const NO_MESH: Bvh4Node = Bvh4Node {
     first_triangle: 0,
 };
 
-/// Writes the tree over all records, which completes an assembly or chunk.
-fn finish(
+/// Encodes records `range` of `source` where they are staged; nothing of them is kept but their boxes.
+fn send(
     source: &AssetSource,
-    mut stretches: Vec<EncodedStretch>,
-    write: impl FnOnce(&[EncodedPiece]) -> Result<(), RenderError>,
-) -> Result<EncodedAsset, RenderError> {
-    let (nodes, stack) = level::tree(source, &mut stretches);
-    write(std::slice::from_ref(&nodes))?;
+    range: Range<usize>,
+    writer: &mut AssetCopier<'_>,
+    target: &dyn DeviceRange,
+) -> Result<EncodedStretch, RenderError> {
+    let mut boxes = Vec::with_capacity(range.len());
+    let offset = (range.start * RECORD) as u64;
+    writer.section(target, offset, (range.len(), RECORD), |first, out| {
+        let first = range.start + first;
+        level::records(source, first..first + out.len() / RECORD, out, &mut boxes);
+    })?;
+    writer.pieces(&level::beside(source, range.clone()), target)?;
+    Ok(EncodedStretch { first: range.start, pieces: Vec::new(), boxes })
+}
+
+/// The encoding of an assembly or chunk with its tree, and the stack entries that a walk of it needs.
+fn encoded(source: &AssetSource, stretches: Vec<EncodedStretch>, (nodes, stack): (&[u8], u32)) -> EncodedAsset {
     let mut pieces: Vec<EncodedPiece> = stretches.into_iter().flat_map(|stretch| stretch.pieces).collect();
-    pieces.push(nodes);
-    Ok(EncodedAsset { pieces, stack })
+    pieces.push(EncodedPiece { offset: source.nodes_at(), bytes: nodes.to_vec() });
+    EncodedAsset { pieces, stack }
 }
 
 impl AssetLoad {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Scene data on the device: the list of assets (`catalog`), the sources of their bytes (`source`), loading (`load`,
-//! `encode`, `level`), the resident assets (`store`) and the encodings kept in host memory (`kept`), the tables that
-//! rays read (`tables`), and all of it from frame to frame (`cache`).
+//! `encode`, `level`), the resident assets (`store`), the encodings and the shapes of trees kept in host memory
+//! (`kept`, `shapes`), the tables that rays read (`tables`), and all of it from frame to frame (`cache`).
 //!
 //! The way of a mesh from a snapshot to a ray: `catalog` -> `store` -> `load` -> `encode` -> `tables`; an instance
 //! takes the same way through `level`.
@@ -16,6 +16,7 @@ mod kept;
 mod level;
 mod load;
 mod place;
+mod shapes;
 mod source;
 mod store;
 mod surfaces;

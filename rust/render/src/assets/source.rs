@@ -108,6 +108,14 @@ impl AssetSource {
         }
     }
 
+    /// The shape of the tree over records that have moved.
+    pub(crate) fn shape(&self) -> Option<u64> {
+        match self {
+            Self::Chunk(chunk) if chunk.is_held() => Some(chunk.shape()),
+            _ => None,
+        }
+    }
+
     /// Returns true for a tile that could not be read.
     pub(crate) fn is_broken(&self) -> bool {
         matches!(self, Self::Tile(image, tile) if image.is_broken(*tile))
@@ -268,12 +276,16 @@ impl AssetSource {
         if records <= MAX_RECORDS { Ok(()) } else { Err(("instances in one instancer", records, MAX_RECORDS)) }
     }
 
-    /// Computes records `range`; nothing for a mesh.
-    pub(crate) fn encode(&self, range: Range<usize>, out: &mut [InstanceRecord]) {
+    /// Computes records `range` and gives each with its number to `visit`; nothing for a mesh.
+    pub(crate) fn encode_each(&self, range: Range<usize>, mut visit: impl FnMut(usize, &InstanceRecord)) {
         match self {
             Self::Mesh(_) | Self::Tile(..) => {}
-            Self::Assembly(assembly) => assembly.encode(range, out),
-            Self::Chunk(chunk) => chunk.encode(range, out),
+            Self::Assembly(assembly) => {
+                let mut records = vec![InstanceRecord::default(); range.len()];
+                assembly.encode(range.clone(), &mut records);
+                range.zip(&records).for_each(|(at, record)| visit(at, record));
+            }
+            Self::Chunk(chunk) => chunk.encode_each(range, visit),
         }
     }
 

@@ -10,6 +10,7 @@ use super::copied::CopiedAssets;
 use super::kept::EncodedAssets;
 use super::load::LoadResult;
 use super::place::{AssetMemory, ResidentAsset};
+use super::shapes::LevelShapes;
 use super::source::{AssetKey, AssetSource};
 use super::values::ALIGN;
 use crate::device::Device;
@@ -78,6 +79,11 @@ impl AssetStore {
     /// The encodings kept in host memory for reloads.
     pub(crate) fn kept(&self) -> &EncodedAssets {
         &self.kept
+    }
+
+    /// The shapes of trees over records that move.
+    pub(crate) fn shapes(&self) -> &LevelShapes {
+        &self.kept.shapes
     }
 
     /// Forgets the assets in transit and every asset that `keep` does not have; tiles by `keeps_tiles_of` their image.

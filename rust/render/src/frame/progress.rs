@@ -18,7 +18,7 @@ use crate::job::patience::LoadWait;
 use crate::job::publish::PictureExtent;
 use crate::job::request::Severity;
 use crate::job::shared::SharedState;
-use crate::job::timings::RenderTimings;
+use crate::job::timings::{LevelCounts, RenderTimings};
 use crate::job::window::PictureLayout;
 use crate::report::closing_words;
 use crate::report::error_log::ErrorLog;
@@ -227,6 +227,18 @@ impl<'a> FrameProgress<'a> {
     /// Changes what the stats say about streaming.
     pub(crate) fn streaming(&self, change: impl FnOnce(&mut StreamingStats)) {
         change(&mut lock(&self.shared.stats).streaming);
+    }
+
+    /// Adds trees over records of instances that were made.
+    pub(crate) fn note_levels(&mut self, made: LevelCounts) {
+        let levels = &mut self.timings.levels;
+        levels.built += made.built;
+        levels.refitted += made.refitted;
+        levels.refitted_records += made.refitted_records;
+        levels.worn += made.worn;
+        let levels = *levels;
+        lock(&self.shared.timings).levels = levels;
+        self.streaming(|stats| (stats.trees_built, stats.trees_refitted) = (levels.built, levels.refitted));
     }
 
     /// Asks the driver what this process uses now.

@@ -27,6 +27,19 @@ pub struct LeftMoment {
     pub bytes_paged: u64,
 }
 
+/// Trees over records of instances that were made for the device.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LevelCounts {
+    /// Built from the boxes of their records.
+    pub built: u64,
+    /// Refitted: of the shape that they had before their records moved.
+    pub refitted: u64,
+    /// Records of these.
+    pub refitted_records: u64,
+    /// Of the refitted ones, those whose records have moved so far that they wait to be built.
+    pub worn: u64,
+}
+
 /// The time and counts of the current or last render.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RenderTimings {
@@ -52,6 +65,8 @@ pub struct RenderTimings {
     pub light_tables: u64,
     /// Bytes uploaded.
     pub uploaded_bytes: u64,
+    /// Trees over records of instances.
+    pub levels: LevelCounts,
     /// Camera and bounce rays traced.
     pub closest_rays: u64,
     /// Shadow rays traced.

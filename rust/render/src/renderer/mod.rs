@@ -42,6 +42,10 @@ use upload::UploadDecision;
 /// One part in so many of a scene's bytes is lost at most between the ranges of arenas.
 const PACKING: u64 = 24;
 
+/// Shapes of trees over records that move may take one part in so many of what encoded geometry may: they are a
+/// sixteenth of its bytes.
+const SHAPES_SHARE: u64 = 8;
+
 /// Sets the limit of host memory in which rays read the tiles of a scene in core that find no room on the device.
 fn limit_mapped_tiles(context: &FrameContext<'_>, scene: &DeviceScene) -> Result<(), RenderError> {
     let FrameContext { device, job, .. } = *context;
@@ -52,6 +56,16 @@ fn limit_mapped_tiles(context: &FrameContext<'_>, scene: &DeviceScene) -> Result
         heap.set_limit(Some(limit));
     }
     Ok(())
+}
+
+/// Sets the limit of host memory for shapes of trees over records that move.
+fn limit_shapes(job: &RenderJob, scene: &DeviceScene) {
+    let shapes = scene.store.shapes();
+    if scene.assets.shapes().next().is_none() {
+        return shapes.limit(0);
+    }
+    let encoded = host_memory::limit_of(HostMemoryUser::Encoded, &job.settings, shapes.bytes(), job.fixed_host_bytes);
+    shapes.limit(encoded / SHAPES_SHARE);
 }
 
 /// The state that the render thread keeps from frame to frame.
@@ -255,6 +269,7 @@ impl Renderer {
         }
         // A cap on geometry counts tiles, wherever they are.
         scene.maps_tiles = maps_host(device, &job.settings) && geometry_cap(job).is_none();
+        limit_shapes(job, scene);
         let missing = scene.missing_bytes();
         let mut in_core = self.fits(context, scene, missing) && !self.comes_meanwhile(context, missing);
         if in_core {
@@ -277,11 +292,13 @@ impl Renderer {
             }
         }
         progress.streaming(|stats| stats.in_core = in_core);
+        progress.note_levels(scene.store.shapes().take_counts());
         let result = if in_core {
             self.render_in_core(context, scene, progress.kept(), gate, progress)
         } else {
             self.render_beyond(context, scene, gate, progress)
         };
+        progress.note_levels(scene.store.shapes().take_counts());
         for complaint in scene.assets.textures.take_complaints().into_iter().chain(scene.store.take_left_out()) {
             gate.shared().report(Severity::Warning, complaint);
         }

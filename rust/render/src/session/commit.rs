@@ -71,6 +71,7 @@ impl SessionScene {
         self.db.set_partition(PartitionOptions { chunk_bytes: u64::from(settings.chunk_size_kib) << 10 });
         let dicing = DicingCamera::new(&ask.request.camera, settings.dicing_rate).live(settings.interactive);
         self.db.set_dicing(dicing);
+        self.db.set_live(settings.interactive);
         let lent = self.keep_meshes(settings, shared);
         #[cfg(feature = "faults")]
         shared.commit_gate.pass();

@@ -286,13 +286,17 @@ fn host_share(
     let FrameContext { device, job, .. } = *context;
     if !maps {
         scene.unmap(device, false);
-        let kept = scene.store.kept();
-        kept.limit(host_memory::limit_of(HostMemoryUser::Encoded, &job.settings, kept.bytes(), job.fixed_host_bytes));
+        let (kept, shapes) = (scene.store.kept(), scene.store.shapes().bytes());
+        let held = kept.bytes() + shapes;
+        let limit = host_memory::limit_of(HostMemoryUser::Encoded, &job.settings, held, job.fixed_host_bytes);
+        kept.limit(limit.saturating_sub(shapes));
         return Ok(None);
     }
     let heap = device.host_heap()?.stats();
-    let held = heap.arena_bytes + heap.dedicated_bytes + scene.store.kept().bytes();
+    let shapes = scene.store.shapes().bytes();
+    let held = heap.arena_bytes + heap.dedicated_bytes + scene.store.kept().bytes() + shapes;
     let limit = host_memory::limit_of(HostMemoryUser::Encoded, &job.settings, held, job.fixed_host_bytes);
+    let limit = limit.saturating_sub(shapes);
     let mapped = bytes_with_gaps(scene.assets.bytes, scene.assets.largest_bytes).min(limit);
     scene.store.kept().limit(limit - mapped);
     HostHeapFiller::start(device, mapped).map(Some)

@@ -33,6 +33,7 @@ mod motion_vectors;
 mod native_traversal;
 mod passes;
 mod pixel_filter;
+mod refitted;
 mod sample_counts;
 mod scenes;
 mod streaming;

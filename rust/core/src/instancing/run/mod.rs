@@ -253,6 +253,29 @@ impl InstanceRun {
         self.spec.key_count()
     }
 
+    /// Returns true if each rank is that of the same instance in `other`, the same ranks are usable, and placements
+    /// have as many keys: what differs is where they are.
+    pub(crate) fn has_ranks_of(&self, other: &Self) -> bool {
+        let has_same_instances = match (&self.spec.instances, &other.spec.instances) {
+            (None, None) => true,
+            (Some(a), Some(b)) => a.same_indices(b),
+            _ => false,
+        };
+        has_same_instances
+            && self.ranks == other.ranks
+            && self.key_count() == other.key_count()
+            && self.bad == other.bad
+            && self.unmasked == other.unmasked
+            && self.among_all == other.among_all
+    }
+
+    /// Number of usable ranks before a rank.
+    #[inline]
+    pub(crate) fn usable_before(&self, rank: u32) -> usize {
+        let bad = if self.bad.is_empty() { 0 } else { self.bad.partition_point(|bad| *bad < rank) };
+        (rank as usize).saturating_sub(bad)
+    }
+
     /// Number of ranks.
     pub(crate) fn ranks(&self) -> u32 {
         self.ranks

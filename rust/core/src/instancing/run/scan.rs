@@ -205,6 +205,11 @@ impl InstanceRun {
         (0..self.ranks).into_par_iter().with_min_len(BLOCK).filter_map(|rank| reader.item(rank)).collect()
     }
 
+    /// Keeps the items of all usable ranks again.
+    pub(crate) fn keep_items(&self, items: Vec<PlacementItem>) {
+        *self.kept.lock().unwrap_or_else(PoisonError::into_inner) = ScannedRanks::Items(items);
+    }
+
     /// The bucket of each rank: as kept by the scan, or computed now if it kept none or `anew` is set.
     pub(crate) fn take_buckets(&self, by: &dyn ItemBucketing, anew: bool) -> Vec<u8> {
         let kept = std::mem::take(&mut *self.kept.lock().unwrap_or_else(PoisonError::into_inner));

@@ -5,7 +5,9 @@ use glam::DVec3;
 use oocpt_abi::{ABSENT, LEAF, LevelNode, NodeChild};
 use oocpt_core::mesh::build_bvh4::build_bvh4;
 use oocpt_core::mesh::bvh4::{Bvh4, level_nodes};
-use oocpt_core::mesh::{LeafKind, build_box_bvh, build_level, level_node_count, likely_level_stack};
+use oocpt_core::mesh::{
+    LeafKind, LevelShape, LevelTree, build_box_bvh, build_level, level_node_count, likely_level_stack,
+};
 use oocpt_core::{Aabb, BvhError, Triangle};
 use proptest::prelude::*;
 
@@ -250,6 +252,39 @@ fn stack_depth_stays_within_the_predicted_bound() {
             let (stack, likely) = (build_level(&boxes).stack, likely_level_stack(boxes.len()));
             assert!(stack <= likely, "{n} boxes, {name}: {stack} entries, {likely} foreseen");
             assert!(n < 100 || likely <= 2 * stack, "{n} boxes, {name}: {stack} entries, as many as {likely} foreseen");
+        }
+    }
+}
+
+#[test]
+fn a_refitted_tree_bounds_what_moved_as_a_built_one_does() {
+    let boxes = |moved: f32, n: u32| -> Vec<Aabb> {
+        let place = |k: u32| {
+            let [a, b, c, d] = oocpt_abi::sampler::sample_4d(k, 0, 9);
+            let by = moved * (d - 0.5);
+            let min = [a * 30.0 + by, b * 30.0 - by, c * 30.0];
+            Aabb { min, max: min.map(|v| v + d) }
+        };
+        (0..n).map(place).collect()
+    };
+    for n in [0, 1, 2, 5, 40, 3000] {
+        let rest = boxes(0.0, n);
+        let built = build_level(&rest);
+        let shape = LevelShape::of(&built, &rest);
+        let same = shape.refit(&rest).expect("as many boxes");
+        assert_eq!(same.tree, built, "the same boxes give the same bits");
+        let near = boxes(0.5, n);
+        let refitted = shape.refit(&near).expect("as many boxes");
+        assert!(reached(&near, &refitted.tree.nodes, refitted.tree.stack).into_iter().eq(0..n), "{n} boxes");
+        let root = |tree: &LevelTree| [0, 1, 2].map(|axis| tree.nodes[0].planes(0, axis));
+        if n == 1 {
+            assert_eq!(root(&refitted.tree), root(&build_level(&near)), "as tight");
+        }
+        assert!(shape.refit(&boxes(0.0, n + 1)).is_none(), "another number of boxes");
+        if n == 3000 {
+            assert!((0.9..1.3).contains(&refitted.growth) && !refitted.is_worn(), "{}", refitted.growth);
+            let far = shape.refit(&boxes(60.0, n)).expect("as many boxes");
+            assert!(far.growth > 3.0 && far.is_worn(), "{}", far.growth);
         }
     }
 }

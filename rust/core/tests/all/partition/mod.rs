@@ -4,4 +4,5 @@
 mod bulk_moves;
 pub(crate) mod cut;
 pub(crate) mod edits;
+mod held;
 mod known_cases;
