@@ -412,7 +412,7 @@ impl<'a> FrameProgress<'a> {
         let kinds = job.request.kinds();
         let mut published = lock(&self.shared.published);
         if published.begin(self.generation, &kinds, &self.layout, PictureExtent::WHOLE) {
-            kinds.iter().for_each(|kind| published.put(*kind, &[], PictureExtent::WHOLE));
+            kinds.iter().for_each(|kind| published.put(*kind, &[], 0));
         }
         drop(published);
         self.finish()

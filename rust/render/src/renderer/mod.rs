@@ -500,7 +500,7 @@ impl Renderer {
     }
 
     fn make_images(&mut self, device: &Device, job: &RenderJob, makes_part: bool) -> Result<(), RenderError> {
-        let sums = FilmSums { adaptive: job.settings.adaptive_sampling, exact: makes_part };
+        let sums = FilmSums::of(job, makes_part);
         if !self.film.as_ref().is_some_and(|film| film.fits(&job.request, sums)) {
             self.film = None;
             self.film = Some(Film::new(&device.gpu, &job.request, sums)?);

@@ -20,6 +20,7 @@ mod error_estimate;
 mod extending;
 mod failures;
 mod features;
+mod filtered_images;
 mod film_parts;
 mod first_picture;
 mod furnace;
