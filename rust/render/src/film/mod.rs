@@ -83,6 +83,19 @@ fn film_bytes(pixels: u64, adaptive: bool) -> u64 {
     pixels * streams * size_of::<FilmPixel>() as u64
 }
 
+fn plane(gpu: &Arc<Gpu>, kind: AovKind, pixels: u64) -> Result<Buffer, GpuError> {
+    Buffer::new(gpu, kind.token(), pixels * kind.pixel_bytes() as u64, BufferUsage::Device)
+}
+
+/// The images but for the colour, and the buffer to which all are copied.
+fn images(gpu: &Arc<Gpu>, kinds: &[AovKind], pixels: u64) -> Result<(Vec<(AovKind, Buffer)>, Buffer), GpuError> {
+    let others = kinds.iter().copied().filter(|kind| *kind != AovKind::Color);
+    let planes = others.map(|kind| Ok((kind, plane(gpu, kind, pixels)?))).collect::<Result<_, GpuError>>()?;
+    let bytes: u64 = kinds.iter().map(|kind| pixels * kind.pixel_bytes() as u64).sum();
+    let bytes = bytes + size_of::<WavefrontCounters>() as u64;
+    Ok((planes, Buffer::new(gpu, "readback", bytes, BufferUsage::Readback)?))
+}
+
 impl Film {
     /// Memory for the images of `request`.
     pub(crate) fn new(
@@ -91,7 +104,6 @@ impl Film {
         FilmSums { adaptive, exact, filtered }: FilmSums,
     ) -> Result<Self, GpuError> {
         let (pixels, kinds) = (request.pixels(), request.kinds());
-        let plane = |name: &str, bytes: usize| Buffer::new(gpu, name, pixels * bytes as u64, BufferUsage::Device);
         let has_light = kinds.iter().any(|kind| kind.is_of_light());
         let has_color = has_light || filtered && kinds.iter().any(|kind| kind.is_filterable());
         let parts = error_groups(pixels) as usize * size_of::<ErrorSums>();
@@ -106,15 +118,18 @@ impl Film {
         let film = has_color.then(|| Buffer::new(gpu, "film", film_bytes, BufferUsage::Device)).transpose()?;
         let error_bytes = u64::from(ERROR_SLOTS) * (parts + size_of::<WavefrontCounters>()) as u64;
         let errors = has_color.then(|| Buffer::new(gpu, "errors", error_bytes, BufferUsage::Readback)).transpose()?;
-        let color = has_color.then(|| plane("color", AovKind::Color.pixel_bytes())).transpose()?;
-        let mut planes = Vec::new();
-        for kind in kinds.iter().copied().filter(|kind| *kind != AovKind::Color) {
-            planes.push((kind, plane(kind.token(), kind.pixel_bytes())?));
-        }
-        let bytes: u64 = kinds.iter().map(|kind| pixels * kind.pixel_bytes() as u64).sum();
-        let readback =
-            Buffer::new(gpu, "readback", bytes + size_of::<WavefrontCounters>() as u64, BufferUsage::Readback)?;
+        let color = has_color.then(|| plane(gpu, AovKind::Color, pixels)).transpose()?;
+        let (planes, readback) = images(gpu, &kinds, pixels)?;
         let error_scale = AtomicU32::new(1.0_f32.to_bits());
+        Ok(Self { pixels, kinds, film, errors, color, exact, adaptive, planes, filtered, error_scale, readback })
+    }
+
+    /// The same film with the images of another request, which has its samples ([`RenderRequest::has_samples_of`]).
+    pub(crate) fn with_images_of(self, gpu: &Arc<Gpu>, request: &RenderRequest) -> Result<Self, GpuError> {
+        let Self { pixels, kinds, film, errors, color, exact, adaptive, planes, filtered, error_scale, readback } = self;
+        drop((kinds, planes, readback));
+        let kinds = request.kinds();
+        let (planes, readback) = images(gpu, &kinds, pixels)?;
         Ok(Self { pixels, kinds, film, errors, color, exact, adaptive, planes, filtered, error_scale, readback })
     }
 
