@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Adds what samples have for filtered images to the sums of each pixel, as `accumulate` adds their light to the film and
-// before it does: one thread per pixel of the wave or segment, as there. In core, with textures: does nothing while a
-// path of the wave lacks a tile. Reads: film (the number of samples), FrameConstants::plane_values. Reads and writes:
+// Adds what samples have for filtered images to the sums of each pixel, as `accumulate` adds their light to the film
+// and before it does: one thread per pixel of the wave or segment, as there. In core, with textures: does nothing while
+// a path of the wave lacks a tile. Reads: film (the number of samples), FrameConstants::plane_values. Reads and writes:
 // FrameConstants::plane_sums.
 #version 460
 #extension GL_GOOGLE_include_directive : require

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the film knows of the spread of each pixel: one thread per pixel. arg0: the bits of a float, told relMSE over the
-// mean of PixelError::s. Reads: film. Writes: the planes of FrameConstants::aov that are not 0: variance, of a sample of
-// the picture; error, the relative standard error, whose mean square is the told relMSE. Both are 0 where a pixel has
-// fewer than two samples. Adaptive: variance is the mean of that of both streams.
+// What the film knows of the spread of each pixel: one thread per pixel. arg0: the bits of a float, told relMSE over
+// the mean of PixelError::s. Reads: film. Writes: the planes of FrameConstants::aov that are not 0: variance, of a
+// sample of the picture; error, the relative standard error, whose mean square is the told relMSE. Both are 0 where a
+// pixel has fewer than two samples. Adaptive: variance is the mean of that of both streams.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "wavefront/pixel_error.glsl"

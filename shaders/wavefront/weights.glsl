@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Weights of the samples of a pixel, where the filter has negative ones. A sample enters a sum not as the weighted mean
-// over the sum of the weights, which has no bound where they cancel, but as `base + weight * (value - base)`, whose mean
-// is the same, as that of the weights is 1. With the mean of the first half of the samples as the base it is as exact: a
-// constant picture stays one, and what the film knows of these values' spread is that of the picture.
+// Weights of the samples of a pixel, where the filter has negative ones: not the weighted mean over the sum of the
+// weights, which has no bound where they cancel, but a sum of `base + weight * (value - base)`, whose mean is the same,
+// as that of the weights is 1. With the mean of the first half of the samples as the base it is as exact: a constant
+// picture stays one, and what the film knows of these values' spread is that of the picture.
 #ifndef OOCPT_WEIGHTS_GLSL
 #define OOCPT_WEIGHTS_GLSL
 

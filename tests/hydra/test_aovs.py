@@ -88,8 +88,8 @@ def test_normals_turn_with_the_camera(host):
 
 
 def test_points_are_where_the_camera_sees_them(host):
-    """Peye is position seen from the camera, as far away as cameraDepth, on the ray of the pixel's centre; Ng is of unit
-    length. Filtered, they are means: at edges normals are shorter than 1, and so is no point where nothing is seen."""
+    """Peye is position seen from the camera, as far away as cameraDepth, on the ray of the pixel's centre; Ng is of
+    unit length. Filtered, they are means: at edges normals are shorter than 1, and nothing is 0."""
     aovs, size = ["color", "position", "Peye", "Ng", "normal", "cameraDepth", "primId"], (24, 18)
     with host.open(small.FOLDER / "glow.usda", size, aovs=aovs, settings=QUICK) as view:
         picture = view.render()

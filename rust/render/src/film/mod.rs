@@ -21,8 +21,8 @@ use crate::job::window::PictureLayout;
 use crate::sync::lock;
 use crate::wave::{ERROR_SLOTS, LAST_SLOT, Wave, WavePiece, pieces};
 use oocpt_abi::{
-    ERROR_GROUPS, ERROR_SUMS_BYTES, ErrorSums, ExactPixel, FilmPixel, FrameConstants, PlaneOffsets, PushConstants, WORKGROUP_SIZE,
-    WavefrontCounters,
+    ERROR_GROUPS, ERROR_SUMS_BYTES, ErrorSums, ExactPixel, FilmPixel, FrameConstants, PlaneOffsets, PushConstants,
+    WORKGROUP_SIZE, WavefrontCounters,
 };
 use oocpt_core::adaptive::STREAMS;
 use oocpt_core::inventory::RenderInventory;
@@ -126,7 +126,8 @@ impl Film {
 
     /// The same film with the images of another request, which has its samples ([`RenderRequest::has_samples_of`]).
     pub(crate) fn with_images_of(self, gpu: &Arc<Gpu>, request: &RenderRequest) -> Result<Self, GpuError> {
-        let Self { pixels, kinds, film, errors, color, exact, adaptive, planes, filtered, error_scale, readback } = self;
+        let Self { pixels, kinds, film, errors, color, exact, adaptive, planes, filtered, error_scale, readback } =
+            self;
         drop((kinds, planes, readback));
         let kinds = request.kinds();
         let (planes, readback) = images(gpu, &kinds, pixels)?;

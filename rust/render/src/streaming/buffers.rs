@@ -331,15 +331,7 @@ fn sorted(needs: StreamingNeeds) -> u32 {
 /// The needs of the paths in slots.
 fn path_needs(needs: StreamingNeeds) -> PathNeeds {
     let StreamingNeeds { textures, light_paths, shadows, bounce_kinds, .. } = needs;
-    PathNeeds {
-        shadows,
-        textures,
-        light_paths,
-        feedback: false,
-        deferred_cutouts: false,
-        bounce_kinds,
-        plane_words: 0,
-    }
+    PathNeeds { shadows, textures, light_paths, feedback: false, deferred_cutouts: false, bounce_kinds, plane_words: 0 }
 }
 
 /// Bytes of device memory that a slot takes, at most.
@@ -351,7 +343,12 @@ pub(super) fn slot_bytes(gpu: &Gpu, needs: StreamingNeeds) -> u64 {
     let numbers = 3 * 4 + 2 * 8;
     let pending = (1 + u64::from(needs.shadows)) * size_of::<PendingItems>() as u64;
     let waiting = numbers + pending + size_of::<GpuSurface>() as u64;
-    path_needs(needs).bytes_a_path(needs.levels) + waiting + device_bytes(gpu, needs.plane_words) + textures + cutouts + materials
+    path_needs(needs).bytes_a_path(needs.levels)
+        + waiting
+        + device_bytes(gpu, needs.plane_words)
+        + textures
+        + cutouts
+        + materials
 }
 
 #[cfg(test)]

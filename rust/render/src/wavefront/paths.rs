@@ -270,15 +270,8 @@ mod tests {
             let [shadows, textures, light_paths, feedback, deferred_cutouts, bounce_kinds] =
                 [0, 1, 2, 3, 4, 5].map(|bit| bits >> bit & 1 == 1);
             let plane_words = bits % 5 * 3;
-            let needs = PathNeeds {
-                shadows,
-                textures,
-                light_paths,
-                feedback,
-                deferred_cutouts,
-                bounce_kinds,
-                plane_words,
-            };
+            let needs =
+                PathNeeds { shadows, textures, light_paths, feedback, deferred_cutouts, bounce_kinds, plane_words };
             for (capacity, levels) in [(1 << 12, 1), (5000, 2)] {
                 let made = PathBuffers::new(&gpu, capacity, levels, needs).expect("memory");
                 let bytes: u64 = made.arrays.iter().flatten().map(Buffer::size).sum();

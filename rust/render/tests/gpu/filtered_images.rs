@@ -16,14 +16,8 @@ use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 
 const SIZE: [u32; 2] = [24, 18];
 const SAMPLES: u32 = 32;
-const FILTERED: [AovKind; 6] = [
-    AovKind::Albedo,
-    AovKind::Normal,
-    AovKind::Neye,
-    AovKind::Position,
-    AovKind::Peye,
-    AovKind::GeometricNormal,
-];
+const FILTERED: [AovKind; 6] =
+    [AovKind::Albedo, AovKind::Normal, AovKind::Neye, AovKind::Position, AovKind::Peye, AovKind::GeometricNormal];
 
 fn asking(camera: Camera, kinds: &[AovKind], clear: [f32; 4]) -> RenderRequest {
     let aovs = kinds.iter().map(|&kind| AovRequest { kind, clear }).collect();
@@ -215,7 +209,8 @@ fn board(db: &mut SceneDb) {
 /// has the same value for both, so both are the same bits, whatever weighs and orders the samples.
 #[test]
 fn filtered_images_are_weighted_and_ordered_as_the_colour() {
-    let view = asking(orthographic(DVec3::Z * 5.0, DVec3::ZERO, 6.0, SIZE), &[AovKind::Albedo, AovKind::Color], [0.0; 4]);
+    let view =
+        asking(orthographic(DVec3::Z * 5.0, DVec3::ZERO, 6.0, SIZE), &[AovKind::Albedo, AovKind::Color], [0.0; 4]);
     let mut view = view;
     view.aovs[0].clear = [0.3; 4];
     for (kind, adaptive, streams) in [
@@ -360,7 +355,12 @@ fn filtered_images_go_on_from_a_checkpoint() {
     let view = request(perspective(DVec3::new(3.0, 4.0, 6.0), DVec3::new(0.0, 0.5, 0.0), 0.7, [45, 31]));
     let of = |samples, checkpoint: &str| {
         let checkpoint = checkpoint.to_owned();
-        filtering(Settings { samples_per_pixel: samples, checkpoint, checkpoint_secs: 0.0, ..by(TraversalKind::Compute) })
+        filtering(Settings {
+            samples_per_pixel: samples,
+            checkpoint,
+            checkpoint_secs: 0.0,
+            ..by(TraversalKind::Compute)
+        })
     };
     let name = file.to_string_lossy().into_owned();
     for (samples, before, streams) in [(3, 0, false), (5, 3, true), (8, 5, false)] {
@@ -393,7 +393,8 @@ fn checkpoints_with_crafted_sums_are_left_alone() {
     let file = folder.file("film");
     let checkpoint = file.to_string_lossy().into_owned();
     let of = filtering(Settings { checkpoint, samples_per_pixel: 2, ..by(TraversalKind::Compute) });
-    let view = asking(orthographic(DVec3::Z * 5.0, DVec3::ZERO, 6.0, SIZE), &[AovKind::Color, AovKind::Albedo], [0.0; 4]);
+    let view =
+        asking(orthographic(DVec3::Z * 5.0, DVec3::ZERO, 6.0, SIZE), &[AovKind::Color, AovKind::Albedo], [0.0; 4]);
     render(&open(nested, of.clone(), false), &view);
     let whole = oocpt_film::FilmReader::open(&file).expect("a checkpoint");
     let [state, film, planes] = ["state", "film", "planes"].map(|name| whole.block(name, 1 << 30).expect("a block"));

@@ -196,7 +196,8 @@ impl FilmCheckpoints {
             return Err(format!("{file}: damaged: its pixels have other numbers of samples"));
         }
         let bytes = sums_bytes(&self.images, pixels);
-        let planes = if bytes > 0 { reader.block(PLANES, bytes).map_err(|error| error.to_string())? } else { Vec::new() };
+        let planes =
+            if bytes > 0 { reader.block(PLANES, bytes).map_err(|error| error.to_string())? } else { Vec::new() };
         if planes.len() as u64 != bytes || !are_finite(&planes) {
             return Err(format!("{file}: damaged: its filtered images are not those of so many pixels"));
         }
