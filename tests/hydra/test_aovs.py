@@ -107,7 +107,8 @@ def test_points_are_where_the_camera_sees_them(host):
     compare.near(-eye[:, 2], picture["cameraDepth"][hit], 1e-4, "cameraDepth")
     compare.near(np.linalg.norm(picture["Ng"][hit], axis=-1), 1.0, 1e-5, "length of Ng")
     columns = np.broadcast_to((np.arange(size[0]) + 0.5) / size[0] - 0.5, (size[1], size[0]))[hit]
-    compare.near(eye[:, 0] / -eye[:, 2], columns * window[0], 1e-4, "columns")
+    across = window[1] * size[0] / size[1]  # the window is widened to the picture's sides
+    compare.near(eye[:, 0] / -eye[:, 2], columns * across, 1e-4, "columns")
     compare.same_bits(filtered["primId"], picture["primId"], "ids are those of pixel centres")
     lengths = np.linalg.norm(filtered["normal"], axis=-1)
     assert (lengths < 1 + 1e-5).all() and ((lengths > 0.05) & (lengths < 0.95)).sum() > 5, np.sort(lengths.ravel())
