@@ -169,6 +169,11 @@ std::vector<HdOocPTAov> _MakeAovs()
         { TfToken("albedo"), HdFormatFloat32Vec3, zero3 },
         { TfToken("motion"), HdFormatFloat32Vec3, zero3 },
         { TfToken("sampleCount"), HdFormatFloat32, VtValue(0.0f) },
+        { TfToken("position"), HdFormatFloat32Vec3, zero3 },
+        { TfToken("Peye"), HdFormatFloat32Vec3, zero3 },
+        { TfToken("Ng"), HdFormatFloat32Vec3, zero3 },
+        { TfToken("variance"), HdFormatFloat32Vec3, zero3 },
+        { TfToken("error"), HdFormatFloat32, VtValue(0.0f) },
     };
 }
 

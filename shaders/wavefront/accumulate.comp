@@ -8,8 +8,7 @@
 #extension GL_GOOGLE_include_directive : require
 #include "wavefront/wavefront.glsl"
 #include "texture/feedback.glsl"
-#include "math/sampler.glsl"
-#include "camera/pixel_filter.glsl"
+#include "wavefront/weights.glsl"
 
 const float MAX_SQUARE = 3.0e38;
 const float MAX_HALF = 6e4;
@@ -28,29 +27,6 @@ void say(uint stream, uint pixel, FilmPixel film) {
     const uint octave = uint(findMSB(film.samples));
     const uint at = ((octave % ESTIMATE_RING) * 2u + stream) * (FRAME.width * FRAME.height) + pixel;
     Uints(ADAPTIVE.estimates).v[at] = packHalf2x16(vec2(spread, root(change * change, mean, n)));
-}
-
-// Sample `index` of a pixel by its weight, which the filter may have negative: not the weighted mean over the sum of
-// the weights, which has no bound where they cancel, but `base + weight * (value - base)`, whose mean is the same, as
-// that of the weights is 1. With the mean of the first half of the samples as the base it is as exact: a constant
-// picture stays one, and what the film knows of these values' spread is that of the picture.
-vec4 weighted(vec4 value, FilmPixel film, uint index, uint seed) {
-    // The first has no base but the second: both are weighted then.
-    if (film.samples == 0u) return value;
-    float weight = filter_weight(sample_4d(index, 0u, seed).xy);
-    if (film.samples == 1u) weight += 1.0 - filter_weight(sample_4d(0u, 0u, seed).xy);
-    const vec4 base = vec4(film.earlier, film.earlier_alpha);
-    return base + weight * (value - base);
-}
-
-// The number of the sample of a path, and the seed of its pixel.
-uvec2 sample_of(uint path, uvec2 position) {
-    if (!HAS_ADAPTIVE) {
-        return uvec2(sample_from(push.first_sample, push.first_pixel, path),
-                     pixel_seed(position.x, position.y, FRAME.seed));
-    }
-    const uvec2 entry = entry_from(push.first_pixel, push.first_sample, path);
-    return uvec2(entry.y, pixel_seed(position.x, position.y, entry_seed(entry.x)));
 }
 
 void main() {
@@ -78,8 +54,8 @@ void main() {
             if (has_filter_weights()) film.earlier_alpha = film.sum.a / float(max(film.samples, 1u));
         }
         if (has_filter_weights()) {
-            const uvec2 number = sample_of(path, position);
-            value = weighted(value, film, number.x, number.y);
+            const vec4 base = vec4(film.earlier, film.earlier_alpha);
+            if (film.samples > 0u) value = base + sample_weight(film.samples, path, position) * (value - base);
         }
         // Sums of finite contributions of a path, or of samples of a pixel, may overflow.
         if (!is_finite(value.rgb) || !is_finite(film.sum.rgb + value.rgb)) {

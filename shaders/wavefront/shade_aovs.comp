@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Writes the images of what the rays of generate_aov_rays met: one thread per ray of a queue. arg0 = AOV_SURFACES:
-// surface_queue, WavefrontCounters::surface_args; arg0 = AOV_ESCAPED: escaped_queue, WavefrontCounters::escaped_args.
-// Reads: the queue, hits, the scene; with streaming, surfaces in place of the last two. Writes: the planes of
-// FrameConstants::aov that are not 0; with streaming, segments. Surfaces of opacity 0 are not seen, all others are.
+// Writes what images have of what camera rays met: one thread per ray of a queue. arg0 = AOV_SURFACES: surface_queue,
+// WavefrontCounters::surface_args; arg0 = AOV_ESCAPED: escaped_queue, WavefrontCounters::escaped_args. Reads: the
+// queue, hits, the scene; with streaming, surfaces in place of the last two. Rays of generate_aov_rays (PUSH_AOVS):
+// writes the planes of FrameConstants::aov that are not 0 and not filtered; surfaces of opacity 0 are not seen, all
+// others are. Samples: writes FrameConstants::plane_values of those at bounce 0. With streaming: ends rays that go no
+// farther, and writes their segments.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "wavefront/wavefront.glsl"
@@ -36,20 +38,50 @@ AovClear aovs_of(uint path, Surface surface) {
                                 dot(FRAME.view_normal[2], a.normal)));
         a.albedo = shading.diffuse_color;
     }
+    a.geometric_normal = surface.geometric_normal;
+    a.peye = v;
+    a.position = add(add(surface.position, FRAME.origin), FRAME.origin_lo).hi;
     a.motion = vec3(0.0);
     if (HAS_MOTION_VECTORS && !HAS_STREAMING) a.motion = motion_over_image(path);
     return a;
 }
 
+// Returns true if the plane is wanted through pixel centres.
+bool is_centred(uint64_t plane, uint filtered) {
+    return plane != 0ul && filtered == NO_INDEX;
+}
+
 void store(uint pixel, AovClear a) {
+    const PlaneOffsets at = FRAME.plane_at;
     if (FRAME.aov.depth != 0ul) Floats(FRAME.aov.depth).v[pixel] = a.depth;
     if (FRAME.aov.camera_depth != 0ul) Floats(FRAME.aov.camera_depth).v[pixel] = a.camera_depth;
     if (FRAME.aov.prim_id != 0ul) Ints(FRAME.aov.prim_id).v[pixel] = a.prim_id;
     if (FRAME.aov.instance_id != 0ul) Ints(FRAME.aov.instance_id).v[pixel] = a.instance_id;
     if (FRAME.aov.element_id != 0ul) Ints(FRAME.aov.element_id).v[pixel] = a.element_id;
-    if (FRAME.aov.normal != 0ul) Vec3s(FRAME.aov.normal).v[pixel] = a.normal;
-    if (FRAME.aov.neye != 0ul) Vec3s(FRAME.aov.neye).v[pixel] = a.neye;
-    if (FRAME.aov.albedo != 0ul) Vec3s(FRAME.aov.albedo).v[pixel] = a.albedo;
+    if (is_centred(FRAME.aov.normal, at.normal)) Vec3s(FRAME.aov.normal).v[pixel] = a.normal;
+    if (is_centred(FRAME.aov.neye, at.neye)) Vec3s(FRAME.aov.neye).v[pixel] = a.neye;
+    if (is_centred(FRAME.aov.albedo, at.albedo)) Vec3s(FRAME.aov.albedo).v[pixel] = a.albedo;
+    if (is_centred(FRAME.aov.position, at.position)) Vec3s(FRAME.aov.position).v[pixel] = a.position;
+    if (is_centred(FRAME.aov.peye, at.peye)) Vec3s(FRAME.aov.peye).v[pixel] = a.peye;
+    if (is_centred(FRAME.aov.geometric_normal, at.geometric_normal)) {
+        Vec3s(FRAME.aov.geometric_normal).v[pixel] = a.geometric_normal;
+    }
+}
+
+void store_value(uint64_t values, uint first, vec3 value) {
+    if (first != NO_INDEX) Vec3s(values + 4u * first).v[0] = value;
+}
+
+void store_sample(uint path, AovClear a) {
+    const uint place = HAS_STREAMING ? path_place(path) : path;
+    const uint64_t values = FRAME.plane_values + uint64_t(place) * (4u * FRAME.plane_words);
+    const PlaneOffsets at = FRAME.plane_at;
+    store_value(values, at.normal, a.normal);
+    store_value(values, at.neye, a.neye);
+    store_value(values, at.albedo, a.albedo);
+    store_value(values, at.position, a.position);
+    store_value(values, at.peye, a.peye);
+    store_value(values, at.geometric_normal, a.geometric_normal);
 }
 
 void main() {
@@ -57,8 +89,15 @@ void main() {
     const bool hit = push.arg0 == AOV_SURFACES;
     if (at >= (hit ? COUNTERS.surface_count : COUNTERS.escaped_count)) return;
     const uint path = ConstUints(hit ? FRAME.surface_queue : FRAME.escaped_queue).v[at];
+    const bool is_sample = (push.flags & PUSH_AOVS) == 0u;
+    if (is_sample && ray_bounce(ray_address(path)) != 0u) return;
     AovClear a = FRAME.aov_clear;
     if (hit) a = aovs_of(path, load_surface(path));
+    if (is_sample) {
+        store_sample(path, a);
+        if (HAS_STREAMING && (FRAME.flags & FLAG_FIRST_HITS) != 0u) end_path(path, true);
+        return;
+    }
     store(film_pixel(pixel_position(path_pixel(path))), a);
     // For hits, record_surfaces has written it.
     const bool is_there = HAS_STREAMING && HAS_MOTION_VECTORS && hit;

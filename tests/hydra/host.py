@@ -60,6 +60,8 @@ class Host:
         variables["USDIMAGINGGL_ENGINE_ENABLE_SCENE_INDEX"] = "1" if scene_index else "0"
         # The canary: any message of the Vulkan validation layer becomes an error of the render.
         variables["OOCPT_VALIDATION"] = "1"
+        # Tests compare with closed forms and other renderers at pixel centres.
+        variables["OOCPT_FILTER_AOVS"] = "false"
         variables.pop("PYTHONPATH", None)
         variables.update(environment or {})
         self.scene_index, self._folder = scene_index, folder

@@ -12,6 +12,8 @@ FORMATS = {
     "instanceId": ("Int32", -1), "elementId": ("Int32", -1), "normal": ("Float32Vec3", 0.0),
     "Neye": ("Float32Vec3", 0.0),
     "albedo": ("Float32Vec3", 0.0), "motion": ("Float32Vec3", 0.0),
+    "position": ("Float32Vec3", 0.0), "Peye": ("Float32Vec3", 0.0), "Ng": ("Float32Vec3", 0.0),
+    "variance": ("Float32Vec3", 0.0), "error": ("Float32", 0.0),
 }  # fmt: skip
 QUICK = {"oocpt:samplesPerPixel": 2, "oocpt:maxBounces": 0}
 
@@ -32,12 +34,13 @@ def test_formats_sizes_and_clear_values(host):
         assert (picture[aov] == clear).all(), f"clear value of {aov}: {np.unique(picture[aov])[:4]}"
 
 
+@pytest.mark.parametrize("filtered", [False, True])
 @pytest.mark.parametrize("aovs", [["color"], ["depth", "primId"], ["normal"], ["albedo", "color"]], ids=",".join)
-def test_any_choice_of_aovs(host, aovs):
+def test_any_choice_of_aovs(host, aovs, filtered):
     """Each AOV is the same whatever else is asked for."""
-    path = small.FOLDER / "glow.usda"
-    everything = host.picture(path, (24, 18), aovs=list(FORMATS), settings=QUICK)
-    some = host.picture(path, (24, 18), aovs=aovs, settings=QUICK)
+    path, settings = small.FOLDER / "glow.usda", QUICK | {"oocpt:filterAovs": filtered}
+    everything = host.picture(path, (24, 18), aovs=list(FORMATS), settings=settings)
+    some = host.picture(path, (24, 18), aovs=aovs, settings=settings)
     for aov in aovs:
         compare.same_bits(some[aov], everything[aov], aov)
 
@@ -82,6 +85,34 @@ def test_normals_turn_with_the_camera(host):
     compare.near(picture["Neye"][hit], picture["normal"][hit].astype(np.float64) @ to_view, 1e-5, "Neye")
     compare.near(np.linalg.norm(picture["normal"][hit], axis=-1), 1.0, 1e-5, "length")
     compare.near(picture["Neye"][~hit], 0.0, 0.0, "nothing")
+
+
+def test_points_are_where_the_camera_sees_them(host):
+    """Peye is position seen from the camera, as far away as cameraDepth, on the ray of the pixel's centre; Ng is of
+    unit length. Filtered, they are means: at edges normals are shorter than 1, and nothing is 0."""
+    aovs, size = ["color", "position", "Peye", "Ng", "normal", "cameraDepth", "primId"], (24, 18)
+    with host.open(small.FOLDER / "glow.usda", size, aovs=aovs, settings=QUICK) as view:
+        picture = view.render()
+        camera = "UsdGeom.Camera(stage.GetPrimAtPath('/World/Camera')).GetCamera(0)"
+        rows = view.edit(f"result = [list(row) for row in {camera}.transform.GetInverse()]")
+        window = view.edit(f"w = {camera}.frustum.window; result = [w.GetSize()[0], w.GetSize()[1]]")
+        view.edit("engine.SetRendererSetting('oocpt:filterAovs', True)")
+        view.edit("engine.SetRendererSetting('oocpt:samplesPerPixel', 64)")
+        filtered = view.render()
+    hit = picture["primId"] >= 0
+    assert hit.any() and not hit.all()
+    world = np.concatenate([picture["position"][hit].astype(np.float64), np.ones((hit.sum(), 1))], axis=1)
+    eye = picture["Peye"][hit].astype(np.float64)
+    compare.near(eye, (world @ np.array(rows))[:, :3], 1e-4, "Peye")
+    compare.near(-eye[:, 2], picture["cameraDepth"][hit], 1e-4, "cameraDepth")
+    compare.near(np.linalg.norm(picture["Ng"][hit], axis=-1), 1.0, 1e-5, "length of Ng")
+    columns = np.broadcast_to((np.arange(size[0]) + 0.5) / size[0] - 0.5, (size[1], size[0]))[hit]
+    across = window[1] * size[0] / size[1]  # the window is widened to the picture's sides
+    compare.near(eye[:, 0] / -eye[:, 2], columns * across, 1e-4, "columns")
+    compare.same_bits(filtered["primId"], picture["primId"], "ids are those of pixel centres")
+    lengths = np.linalg.norm(filtered["normal"], axis=-1)
+    assert (lengths < 1 + 1e-5).all() and ((lengths > 0.05) & (lengths < 0.95)).sum() > 5, np.sort(lengths.ravel())
+    assert (filtered["position"][~hit & (lengths == 0)] == 0).all(), "nothing"
 
 
 @pytest.mark.parametrize("size", [(1, 1), (1, 33), (65, 3), (8, 8)], ids=lambda size: f"{size[0]}x{size[1]}")

@@ -108,7 +108,7 @@ def channels(path):
 
 
 def seen(host, size=SIZE, aperture=(24, 18), aovs=("primId",)):
-    settings = {"oocpt:samplesPerPixel": 4, "oocpt:maxBounces": 1}
+    settings = {"oocpt:samplesPerPixel": 4, "oocpt:maxBounces": 1, "oocpt:filterAovs": True}
     return host.picture(stage({}, aperture=aperture), size, camera="/Eye", aovs=list(aovs), settings=settings)
 
 

@@ -59,6 +59,7 @@ constants! {
     DONE;
     ABSENT;
     FILM_PIXEL_BYTES;
+    PLANE_SUM_BYTES;
     ERROR_SUMS_BYTES;
     ERROR_GROUPS;
     EXACT_SUM_BIAS;

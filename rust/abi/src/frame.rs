@@ -61,6 +61,8 @@ bitflags! {
         /// A camera ray that escapes sees `FrameConstants::dome_background` with alpha 1; otherwise it gives (0, 0, 0,
         /// 0).
         const DOME_CAMERA_VISIBLE = 1;
+        /// Samples end where they meet something first: no image of light is wanted.
+        const FIRST_HITS = 2;
     }
 }
 
@@ -90,6 +92,16 @@ shared! {
         pub motion: u64,
         /// f32, samples so far; written by `count_samples`.
         pub sample_count: u64,
+        /// f32x3, the point of the surface in the world, with its origin.
+        pub position: u64,
+        /// f32x3, the same in view space.
+        pub peye: u64,
+        /// f32x3, world normal of the surface as it is traced, unit, on the authored side.
+        pub geometric_normal: u64,
+        /// f32x3, variance of the samples, by channel; written by `tell_spread`, as `error`.
+        pub variance: u64,
+        /// f32, estimated relative standard error.
+        pub error: u64,
     }
 }
 
@@ -115,8 +127,59 @@ shared! {
         pub albedo: [f32; 3],
         /// Clear value of `motion`.
         pub motion: [f32; 3],
-        /// Padding; 0.
-        pub pad: u32,
+        /// Clear value of `position`.
+        pub position: [f32; 3],
+        /// Clear value of `peye`.
+        pub peye: [f32; 3],
+        /// Clear value of `geometric_normal`.
+        pub geometric_normal: [f32; 3],
+    }
+}
+
+shared! {
+    /// Where the values of each filtered image begin among the [`FrameConstants::plane_words`] of a sample; `NO_INDEX`
+    /// = the image is not wanted, or traced through pixel centres.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
+    pub struct PlaneOffsets {
+        /// Of `AovTargets::normal`.
+        pub normal: u32,
+        /// Of `AovTargets::neye`.
+        pub neye: u32,
+        /// Of `AovTargets::albedo`.
+        pub albedo: u32,
+        /// Of `AovTargets::position`.
+        pub position: u32,
+        /// Of `AovTargets::peye`.
+        pub peye: u32,
+        /// Of `AovTargets::geometric_normal`.
+        pub geometric_normal: u32,
+    }
+}
+
+impl PlaneOffsets {
+    /// No image is filtered.
+    pub const NONE: Self = Self {
+        normal: crate::NO_INDEX,
+        neye: crate::NO_INDEX,
+        albedo: crate::NO_INDEX,
+        position: crate::NO_INDEX,
+        peye: crate::NO_INDEX,
+        geometric_normal: crate::NO_INDEX,
+    };
+}
+
+shared! {
+    /// Sum of a value of a filtered image over the samples of a pixel, 12 B. All zero = no sample yet. As those of
+    /// [`crate::FilmPixel`], it is compensated and taken in ascending order.
+    #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+    pub struct PlaneSum {
+        /// Sum over the samples.
+        pub sum: f32,
+        /// Rounding error that `sum` contains so far (to be subtracted).
+        pub compensation: f32,
+        /// Mean over the first `p` samples, `p` the largest power of two below their number; only if samples have
+        /// negative weights.
+        pub earlier: f32,
     }
 }
 
@@ -172,6 +235,13 @@ shared! {
         pub aov: AovTargets,
         /// Values that `shade_aovs` writes where a ray leaves the scene.
         pub aov_clear: AovClear,
+        /// f32, `plane_words` of them by path, or by place of a segment with `Features::STREAMING`: what the sample's
+        /// first hit has for filtered images. 0 without any, as `plane_sums`.
+        pub plane_values: u64,
+        /// [`PlaneSum`], `plane_words` of them for each [`crate::FilmPixel`]. Zero before the first wave.
+        pub plane_sums: u64,
+        /// Where the values of each image are among these.
+        pub plane_at: PlaneOffsets,
         /// Colour that `resolve` puts under the picture: `color = premultiplied + clear_color * (1 - alpha)`.
         pub clear_color: [f32; 4],
         /// Camera ray of image point (px, py), pixel centres at + 0.5: origin `ray_o + ray_o_lo + px * ray_o_x + py *
@@ -193,6 +263,10 @@ shared! {
         pub lens_u: [f32; 3],
         /// Lens y axis, world, times the lens radius.
         pub lens_v: [f32; 3],
+        /// `Snapshot::origin`, which positions in the frame of the user's world are relative to, as two floats.
+        pub origin: [f32; 3],
+        /// What `origin` leaves of it.
+        pub origin_lo: [f32; 3],
         /// Distance of the plane in focus along the view axis.
         pub focus: f32,
         /// Row z of clip-from-view.
@@ -289,10 +363,14 @@ shared! {
         pub filter_weight: f32,
         /// Random number for half of an axis from which on the filter is negative along it; above 1 if it never is.
         pub filter_negative_from: f32,
-        /// Padding; 0.
-        pub pad: u32,
+        /// Number of values that a sample has for filtered images; 0 without any.
+        pub plane_words: u32,
     }
 }
+
+/// Bytes of a [`PlaneSum`].
+#[allow(clippy::cast_possible_truncation, reason = "the size of a struct")]
+pub const PLANE_SUM_BYTES: u32 = size_of::<PlaneSum>() as u32;
 
 /// Intervals of `FrameConstants::pixel_filter`.
 pub const FILTER_INTERVALS: u32 = 512;

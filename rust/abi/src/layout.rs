@@ -72,6 +72,8 @@ pub const LAYOUTS: &[StructLayout] = &[
     AdaptiveSampling::LAYOUT,
     AovTargets::LAYOUT,
     AovClear::LAYOUT,
+    PlaneOffsets::LAYOUT,
+    PlaneSum::LAYOUT,
     FrameConstants::LAYOUT,
     ClipPlane::LAYOUT,
     StreamingPointers::LAYOUT,

@@ -96,6 +96,7 @@ pub(crate) fn plain_settings(samples: u32, bounces: u32, device: &str) -> Settin
         interactive: false,
         traversal: said("oocpt:traversal", TraversalKind::named),
         host_mapped: said("oocpt:hostMappedGeometry", HostMapped::named),
+        filter_aovs: said("oocpt:filterAovs", |name| name.parse().ok().map(Some)).unwrap_or(true),
         ..Settings::default()
     }
 }

@@ -6,7 +6,7 @@
 
 use anyhow::{Context, Result};
 use oocpt_core::inventory::RenderInventory;
-use oocpt_render::{RenderRequest, RenderTimings, Session, SessionOptions};
+use oocpt_render::{AovKind, AovRequest, RenderRequest, RenderTimings, Session, SessionOptions};
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -40,6 +40,9 @@ pub(crate) struct Arguments {
     /// Most paths in flight, to the power of two below; 0 = as many as pay.
     #[arg(long, default_value_t = 0)]
     in_flight: u32,
+    /// Images beside the colour, by name.
+    #[arg(long, value_delimiter = ',', value_parser = image)]
+    images: Vec<AovKind>,
     /// Device: an index or a part of its name.
     #[arg(long, env = "OOCPT_DEVICE", default_value = "")]
     device: String,
@@ -51,6 +54,10 @@ pub(crate) struct Arguments {
     picture: Option<PathBuf>,
     #[command(flatten)]
     observe: ObserveOptions,
+}
+
+fn image(name: &str) -> Result<AovKind> {
+    AovKind::from_token(name).with_context(|| format!("there is no image {name}"))
 }
 
 /// Everything a bench says.
@@ -120,7 +127,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
 
 fn request(arguments: &Arguments) -> RenderRequest {
     let (width, height) = (arguments.width, arguments.height);
-    color_request(width, height, forest::camera(width, height))
+    let mut request = color_request(width, height, forest::camera(width, height));
+    request.aovs.extend(arguments.images.iter().map(|kind| AovRequest { kind: *kind, clear: [0.0; 4] }));
+    request
 }
 
 #[expect(clippy::cast_precision_loss, reason = "counts are shown as rates")]

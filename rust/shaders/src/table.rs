@@ -24,6 +24,12 @@ pub struct PassCondition {
 pub enum PassImage {
     /// Some plane that is traced through pixel centres.
     PixelCentres,
+    /// Some plane of what samples meet first.
+    Filtered,
+    /// Some plane of either kind.
+    FirstHits,
+    /// `variance` or `error`.
+    Spread,
     /// `sampleCount`.
     SampleCount,
     /// No image, but sums that merge with those of other renders.
@@ -154,9 +160,13 @@ passes! {
         "`surface_queue`, `rays`, `paths`, lights, and `hits` and scene, or with streaming `surfaces`"
         => "`paths`, `rays`, `shadow_rays`; `radiance` at bounce 0; pushes to `shadow_queue`, \
             `ray_queue[(r + 1) & 1]`; streaming: as `shade_background`";
-    /// Writes the planes that are traced through pixel centres.
-    ShadeAovs = SHADE_AOVS, When::image(PassImage::PixelCentres), Direct("indirect `SURFACE_ARGS`, then `ESCAPED_ARGS`"),
-        "the queue, and `hits` and scene, or with streaming `surfaces`" => "the planes of `FrameConstants::aov` that are not 0";
+    /// Writes the planes that are traced through pixel centres, and what samples have for the filtered ones.
+    ShadeAovs = SHADE_AOVS, When::image(PassImage::FirstHits), Direct("indirect `SURFACE_ARGS`, then `ESCAPED_ARGS`"),
+        "the queue, and `hits` and scene, or with streaming `surfaces`"
+        => "the planes of `FrameConstants::aov` that are not 0; of samples, `plane_values`";
+    /// Adds what the samples of a wave or segment have for filtered planes to their sums.
+    SumPlanes = SUM_PLANES, When::image(PassImage::Filtered), Direct("`min(path_count, width * height)`"),
+        "`plane_values`, `film`" => "`plane_sums`";
     /// Adds the samples of a wave or segment to the film.
     Accumulate = ACCUMULATE, When::ALWAYS, Direct("`min(path_count, width * height)`"),
         "`radiance`; streaming: `ended_radiance`" => "`film`";
@@ -166,6 +176,12 @@ passes! {
     /// Writes the number of samples of each pixel.
     CountSamples = COUNT_SAMPLES, When::image(PassImage::SampleCount), Direct("`width * height`"),
         "`film`" => "its plane of `FrameConstants::aov`";
+    /// Writes the filtered planes.
+    ResolvePlanes = RESOLVE_PLANES, When::image(PassImage::Filtered), Direct("`width * height`"),
+        "`plane_sums`, `film`" => "the filtered planes of `FrameConstants::aov`";
+    /// Writes the variance and the error of each pixel.
+    TellSpread = TELL_SPREAD, When::image(PassImage::Spread), Direct("`width * height`"),
+        "`film`" => "its planes of `FrameConstants::aov`";
     /// Estimates the error of the picture.
     MeasureError = MEASURE_ERROR, When::ALWAYS, Direct("at most 1024 workgroups"),
         "`film`" => "`ErrorSums` of each workgroup, behind the film";
@@ -231,6 +247,9 @@ pub fn document() -> String {
         conditions.extend(names(when.without).iter().map(|name| format!("not {name}")));
         conditions.extend(when.image.map(|image| match image {
             PassImage::PixelCentres => "images through pixel centres".to_owned(),
+            PassImage::Filtered => "filtered images".to_owned(),
+            PassImage::FirstHits => "images of first hits".to_owned(),
+            PassImage::Spread => "`variance` or `error`".to_owned(),
             PassImage::SampleCount => "`sampleCount`".to_owned(),
             PassImage::ExactSums => "sums that merge".to_owned(),
         }));

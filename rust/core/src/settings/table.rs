@@ -247,6 +247,10 @@ settings! {
     Float(pixel_filter_width, 0.0, 64.0): f32 = 0.0;
         User Scene BeginsAgain "oocpt:pixelFilterWidth" "OOCPT_PIXEL_FILTER_WIDTH" "Pixel filter width"
         "Full width of the filter in pixels; 0 = 1, 2, 3, 3 or 4, as usual for it";
+    Bool(filter_aovs): bool = true;
+        User Scene SameSamples "oocpt:filterAovs" "OOCPT_FILTER_AOVS" "Filter AOVs"
+        "Normals, positions and albedo are averaged over the samples, as the colour; if off, they are those at pixel \
+         centres";
     Text(checkpoint): String = String::new();
         User Machine GoesOn "oocpt:checkpoint" "OOCPT_CHECKPOINT" "Checkpoint"
         "File in which a render keeps its samples, and from which a later one goes on; empty = none";

@@ -100,7 +100,7 @@ fn a_report_has_any_name() {
 }
 
 /// The settings of this renderer, in their order.
-const OURS: [&str; 36] = [
+const OURS: [&str; 37] = [
     "oocpt:samplesPerPixel",
     "oocpt:maxBounces",
     "oocpt:seed",
@@ -132,6 +132,7 @@ const OURS: [&str; 36] = [
     "oocpt:maxTransmissionBounces",
     "oocpt:pixelFilter",
     "oocpt:pixelFilterWidth",
+    "oocpt:filterAovs",
     "oocpt:checkpoint",
     "oocpt:checkpointInterval",
     "oocpt:filmPart",
@@ -244,7 +245,7 @@ fn every_descriptor_can_be_set_to_its_default_and_has_an_own_variable() {
         let name = Settings::env_name(descriptor.key).unwrap();
         assert!(name.starts_with("OOCPT_") && names.insert(name), "{name}");
     }
-    assert_eq!(names.len(), 40);
+    assert_eq!(names.len(), 41);
     assert_eq!(Settings::env_name("oocpt:samplesPerPixel"), Some("OOCPT_SAMPLES_PER_PIXEL"));
     assert_eq!(Settings::env_name("other"), None);
 }

@@ -194,13 +194,21 @@ impl<'a> WavefrontTracer<'a> {
         let measures = film.has_color() && progress.ends_between_octaves();
         let mut commands = self.commands("resolve")?;
         self.recorder().copy_out(&mut commands);
-        if measures {
+        if measures || film.has_errors() {
             self.recorder().measure(&mut commands, LAST_SLOT);
         }
         finish(&commands.submit()?, progress)?;
         progress.publish_last(film)?;
         if film.has_color() {
             progress.error_at_end(film, measures)?;
+        }
+        if film.has_errors() {
+            // The errors of the pixels are shares of what is told of the picture.
+            progress.scale_errors(film)?;
+            let mut commands = self.commands("resolve errors")?;
+            self.recorder().copy_out(&mut commands);
+            finish(&commands.submit()?, progress)?;
+            progress.publish_last(film)?;
         }
         progress.finish()
     }

@@ -75,6 +75,7 @@ impl<'e> WaveSource<'e> {
         let job = self.tracer.context.job;
         match self.kind {
             PathKind::Aovs => 0,
+            PathKind::Samples if !self.tracer.context.film.has_light() => 0,
             PathKind::Samples => {
                 let has_materials = job.snapshot.features.contains(Features::MATERIALS);
                 job.settings.max_bounces + u32::from(has_materials)
@@ -96,6 +97,7 @@ impl<'e> WaveSource<'e> {
         for round in rounds.clone() {
             recorder.shade(commands, self.kind, q, round);
             match self.kind {
+                PathKind::Samples if !self.tracer.context.film.has_light() => {}
                 PathKind::Samples if round < last => recorder.trace(commands, q, round + 1, TracedRays::All),
                 PathKind::Samples => recorder.trace(commands, q, round + 1, TracedRays::Shadow),
                 PathKind::Aovs => {}

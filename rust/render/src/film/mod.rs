@@ -3,6 +3,7 @@
 
 pub(crate) mod adaptive;
 mod exr_header;
+pub(crate) mod filtered;
 pub(crate) mod measure;
 pub mod picture;
 mod picture_attribute;
@@ -11,6 +12,7 @@ pub(crate) mod reference;
 
 use crate::error::RenderError;
 use crate::film::adaptive::AdaptiveBuffers;
+use crate::film::filtered::FilteredPlanes;
 use crate::job::RenderJob;
 use crate::job::aov::{AovKind, AovRequest};
 use crate::job::publish::{PictureExtent, PublishedImages};
@@ -19,12 +21,13 @@ use crate::job::window::PictureLayout;
 use crate::sync::lock;
 use crate::wave::{ERROR_SLOTS, LAST_SLOT, Wave, WavePiece, pieces};
 use oocpt_abi::{
-    ERROR_GROUPS, ERROR_SUMS_BYTES, ErrorSums, ExactPixel, FilmPixel, FrameConstants, PushConstants, WORKGROUP_SIZE,
-    WavefrontCounters,
+    ERROR_GROUPS, ERROR_SUMS_BYTES, ErrorSums, ExactPixel, FilmPixel, FrameConstants, PlaneOffsets, PushConstants,
+    WORKGROUP_SIZE, WavefrontCounters,
 };
 use oocpt_core::adaptive::STREAMS;
 use oocpt_core::inventory::RenderInventory;
 use oocpt_gpu::{Buffer, BufferUsage, CommandList, Gpu, GpuError};
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex};
 
 /// Workgroups of `measure_error` for an image of so many pixels.
@@ -40,6 +43,15 @@ pub(crate) struct FilmSums {
     pub(crate) adaptive: bool,
     /// Exact sums, which merge.
     pub(crate) exact: bool,
+    /// Sums of images that are filtered with the samples, if any is wanted.
+    pub(crate) filtered: bool,
+}
+
+impl FilmSums {
+    /// Those of a job.
+    pub(crate) fn of(job: &RenderJob, exact: bool) -> Self {
+        Self { adaptive: job.settings.adaptive_sampling, exact, filtered: job.settings.filter_aovs }
+    }
 }
 
 /// Film, resolved colour and the planes of the other images.
@@ -47,18 +59,20 @@ pub(crate) struct FilmSums {
 pub(crate) struct Film {
     pixels: u64,
     kinds: Vec<AovKind>,
-    /// `FilmPixel` per pixel and stream, then what `measure_error` says of them; only with colour.
+    /// `FilmPixel` per pixel and stream, then what `measure_error` says of them; only with samples.
     film: Option<Buffer>,
-    /// With colour: what `measure_error` said and the counters at each octave of samples, and at the end.
+    /// With samples: what `measure_error` said and the counters at each octave of samples, and at the end.
     errors: Option<Buffer>,
     color: Option<Buffer>,
-    /// Whether somebody wants to see the colour; sample counts need it too.
-    shows_color: bool,
     /// Behind `film` are exact sums of each pixel, at this byte.
     exact: Option<u64>,
     /// Only with colour and adaptive sampling; `film` is then twice as long.
     adaptive: Option<AdaptiveBuffers>,
     planes: Vec<(AovKind, Buffer)>,
+    /// Those of `planes` that are filtered with the samples.
+    filtered: Option<FilteredPlanes>,
+    /// The bits of told relMSE over the mean of `s` of the pixels ([`ErrorSums`]), as known last.
+    error_scale: AtomicU32,
     /// One copy of every wanted image, then the counters.
     readback: Buffer,
 }
@@ -69,43 +83,64 @@ fn film_bytes(pixels: u64, adaptive: bool) -> u64 {
     pixels * streams * size_of::<FilmPixel>() as u64
 }
 
+fn plane(gpu: &Arc<Gpu>, kind: AovKind, pixels: u64) -> Result<Buffer, GpuError> {
+    Buffer::new(gpu, kind.token(), pixels * kind.pixel_bytes() as u64, BufferUsage::Device)
+}
+
+/// The images but for the colour, and the buffer to which all are copied.
+fn images(gpu: &Arc<Gpu>, kinds: &[AovKind], pixels: u64) -> Result<(Vec<(AovKind, Buffer)>, Buffer), GpuError> {
+    let others = kinds.iter().copied().filter(|kind| *kind != AovKind::Color);
+    let planes = others.map(|kind| Ok((kind, plane(gpu, kind, pixels)?))).collect::<Result<_, GpuError>>()?;
+    let bytes: u64 = kinds.iter().map(|kind| pixels * kind.pixel_bytes() as u64).sum();
+    let bytes = bytes + size_of::<WavefrontCounters>() as u64;
+    Ok((planes, Buffer::new(gpu, "readback", bytes, BufferUsage::Readback)?))
+}
+
 impl Film {
     /// Memory for the images of `request`.
     pub(crate) fn new(
         gpu: &Arc<Gpu>,
         request: &RenderRequest,
-        FilmSums { adaptive, exact }: FilmSums,
+        FilmSums { adaptive, exact, filtered }: FilmSums,
     ) -> Result<Self, GpuError> {
         let (pixels, kinds) = (request.pixels(), request.kinds());
-        let plane = |name: &str, bytes: usize| Buffer::new(gpu, name, pixels * bytes as u64, BufferUsage::Device);
-        let shows_color = kinds.contains(&AovKind::Color);
-        let has_color = shows_color || kinds.contains(&AovKind::SampleCount);
+        let has_light = kinds.iter().any(|kind| kind.is_of_light());
+        let has_color = has_light || filtered && kinds.iter().any(|kind| kind.is_filterable());
         let parts = error_groups(pixels) as usize * size_of::<ErrorSums>();
-        let adaptive = (has_color && adaptive).then(|| AdaptiveBuffers::new(gpu, pixels)).transpose()?;
+        let adaptive = (has_light && adaptive).then(|| AdaptiveBuffers::new(gpu, pixels)).transpose()?;
         let film_bytes = film_bytes(pixels, adaptive.is_some());
+        let records = film_bytes / size_of::<FilmPixel>() as u64;
+        let filtered = filtered.then(|| FilteredPlanes::new(gpu, &kinds, records)).transpose()?.flatten();
         // The shader of the exact sums counts on the largest number of parts.
-        let exact = (has_color && exact).then(|| film_bytes + u64::from(ERROR_GROUPS * ERROR_SUMS_BYTES));
+        let exact = (has_light && exact).then(|| film_bytes + u64::from(ERROR_GROUPS * ERROR_SUMS_BYTES));
         let exact_end = exact.map(|at| at + pixels * size_of::<ExactPixel>() as u64);
         let film_bytes = exact_end.unwrap_or(film_bytes + parts as u64);
         let film = has_color.then(|| Buffer::new(gpu, "film", film_bytes, BufferUsage::Device)).transpose()?;
         let error_bytes = u64::from(ERROR_SLOTS) * (parts + size_of::<WavefrontCounters>()) as u64;
         let errors = has_color.then(|| Buffer::new(gpu, "errors", error_bytes, BufferUsage::Readback)).transpose()?;
-        let color = has_color.then(|| plane("color", AovKind::Color.pixel_bytes())).transpose()?;
-        let mut planes = Vec::new();
-        for kind in kinds.iter().copied().filter(|kind| *kind != AovKind::Color) {
-            planes.push((kind, plane(kind.token(), kind.pixel_bytes())?));
-        }
-        let bytes: u64 = kinds.iter().map(|kind| pixels * kind.pixel_bytes() as u64).sum();
-        let readback =
-            Buffer::new(gpu, "readback", bytes + size_of::<WavefrontCounters>() as u64, BufferUsage::Readback)?;
-        Ok(Self { pixels, kinds, film, errors, color, shows_color, exact, adaptive, planes, readback })
+        let color = has_color.then(|| plane(gpu, AovKind::Color, pixels)).transpose()?;
+        let (planes, readback) = images(gpu, &kinds, pixels)?;
+        let error_scale = AtomicU32::new(1.0_f32.to_bits());
+        Ok(Self { pixels, kinds, film, errors, color, exact, adaptive, planes, filtered, error_scale, readback })
+    }
+
+    /// The same film with the images of another request, which has its samples ([`RenderRequest::has_samples_of`]).
+    pub(crate) fn with_images_of(self, gpu: &Arc<Gpu>, request: &RenderRequest) -> Result<Self, GpuError> {
+        let Self { pixels, kinds, film, errors, color, exact, adaptive, planes, filtered, error_scale, readback } =
+            self;
+        drop((kinds, planes, readback));
+        let kinds = request.kinds();
+        let (planes, readback) = images(gpu, &kinds, pixels)?;
+        Ok(Self { pixels, kinds, film, errors, color, exact, adaptive, planes, filtered, error_scale, readback })
     }
 
     /// Whether these images serve `request` too, wherever its window is.
-    pub(crate) fn fits(&self, request: &RenderRequest, FilmSums { adaptive, exact }: FilmSums) -> bool {
+    pub(crate) fn fits(&self, request: &RenderRequest, FilmSums { adaptive, exact, filtered }: FilmSums) -> bool {
         let same = self.pixels == request.pixels() && self.kinds == request.kinds();
-        same && self.exact.is_some() == (exact && self.has_color())
-            && self.adaptive.is_some() == (adaptive && self.has_color())
+        let filters = filtered && self.kinds.iter().any(|kind| kind.is_filterable());
+        same && self.exact.is_some() == (exact && self.has_light())
+            && self.adaptive.is_some() == (adaptive && self.has_light())
+            && self.filtered.is_some() == filters
     }
 
     /// Decides the first samples of a render of `job`, if it is adaptive.
@@ -137,14 +172,55 @@ impl Film {
         self.adaptive.as_ref().map_or_else(everywhere, |adaptive| adaptive.piece(wave, end).into_iter().collect())
     }
 
-    /// Whether colour or the number of its samples is wanted, which is what samples are for.
+    /// Whether an image is wanted that samples are for.
     pub(crate) fn has_color(&self) -> bool {
         self.film.is_some()
     }
 
+    /// Whether colour is wanted, or what is told of its samples: otherwise these end where they meet something first.
+    pub(crate) fn has_light(&self) -> bool {
+        self.kinds.iter().any(|kind| kind.is_of_light())
+    }
+
     /// Whether any image is wanted that is traced through pixel centres.
     pub(crate) fn has_planes(&self) -> bool {
-        self.planes.iter().any(|(kind, _)| *kind != AovKind::SampleCount)
+        self.planes.iter().any(|(kind, _)| !self.is_sampled(*kind))
+    }
+
+    /// Whether an image is made of samples.
+    fn is_sampled(&self, kind: AovKind) -> bool {
+        kind.is_of_light() || self.filtered.as_ref().is_some_and(|filtered| filtered.has(kind))
+    }
+
+    /// The images that are filtered with the samples.
+    pub(crate) fn filtered(&self) -> Option<&FilteredPlanes> {
+        self.filtered.as_ref()
+    }
+
+    /// Values that a sample has for filtered images.
+    pub(crate) fn plane_words(&self) -> u32 {
+        self.filtered.as_ref().map_or(0, FilteredPlanes::words)
+    }
+
+    /// Whether the variance of pixels is wanted, or their error.
+    pub(crate) fn has_spread(&self) -> bool {
+        self.kinds.contains(&AovKind::Variance) || self.has_errors()
+    }
+
+    /// Whether the error of each pixel is wanted.
+    pub(crate) fn has_errors(&self) -> bool {
+        self.kinds.contains(&AovKind::Error)
+    }
+
+    /// Takes what is known of the error of the picture for that of its pixels: told relMSE over the mean of `s`.
+    pub(crate) fn scale_errors(&self, scale: f32) {
+        self.error_scale.store(scale.to_bits(), Ordering::Relaxed);
+    }
+
+    /// The bits of what [`Self::scale_errors`] was given last; at first those of 1, which is right of independent
+    /// samples.
+    pub(crate) fn error_scale(&self) -> u32 {
+        self.error_scale.load(Ordering::Relaxed)
     }
 
     /// Whether some of these tells how surfaces are shaded.
@@ -196,6 +272,13 @@ impl Film {
             Some(adaptive) => adaptive.buffers().for_each(|buffer| inventory.add(buffer.name(), buffer.size())),
             None => inventory.leave_out("adaptive sampling", 160 * self.pixels),
         }
+        match &self.filtered {
+            Some(filtered) => inventory.add(filtered.sums.name(), filtered.sums.size()),
+            None => {
+                let all = filtered::sums_bytes(&filtered::filtered(&AovKind::ALL), self.pixels);
+                inventory.leave_out("plane_sums", all);
+            }
+        }
         inventory.add(self.readback.name(), self.readback.size());
         let absent = AovKind::ALL.iter().filter(|kind| !self.kinds.contains(kind));
         inventory
@@ -206,6 +289,10 @@ impl Film {
     pub(crate) fn bind(&self, frame: &mut FrameConstants, aovs: &[AovRequest]) {
         frame.film = self.film.as_ref().map_or(0, Buffer::address);
         frame.color = self.color.as_ref().map_or(0, Buffer::address);
+        frame.plane_at = PlaneOffsets::NONE;
+        if let Some(filtered) = &self.filtered {
+            filtered.bind(frame);
+        }
         frame.adaptive = self.adaptive.as_ref().map_or(0, AdaptiveBuffers::address);
         for (kind, plane) in &self.planes {
             let address = match kind {
@@ -220,6 +307,11 @@ impl Film {
                 AovKind::Albedo => &mut frame.aov.albedo,
                 AovKind::Motion => &mut frame.aov.motion,
                 AovKind::SampleCount => &mut frame.aov.sample_count,
+                AovKind::Position => &mut frame.aov.position,
+                AovKind::Peye => &mut frame.aov.peye,
+                AovKind::GeometricNormal => &mut frame.aov.geometric_normal,
+                AovKind::Variance => &mut frame.aov.variance,
+                AovKind::Error => &mut frame.aov.error,
             };
             *address = plane.address();
         }
@@ -238,11 +330,14 @@ impl Film {
         if let Some(film) = &self.film {
             commands.fill(film, 0, film.size(), 0);
         }
+        if let Some(FilteredPlanes { sums, .. }) = &self.filtered {
+            commands.fill(sums, 0, sums.size(), 0);
+        }
     }
 
     /// Copies every image and the counters to where the host can read them.
     pub(crate) fn copy_out(&self, commands: &mut CommandList, counters: &Buffer) {
-        let color = self.color.as_ref().filter(|_| self.shows_color);
+        let color = self.color.as_ref().filter(|_| self.kinds.contains(&AovKind::Color));
         let sources = color.into_iter().chain(self.planes.iter().map(|(_, plane)| plane));
         commands.concurrent(|c| {
             let mut offset = 0;
@@ -297,7 +392,8 @@ impl Film {
                 let bytes = usize::try_from(self.pixels).unwrap_or(usize::MAX).saturating_mul(kind.pixel_bytes());
                 let (image, after) = rest.split_at(bytes);
                 if is_shown {
-                    published.put(*kind, image, extent);
+                    let there = if self.is_sampled(*kind) { extent.samples } else { extent.planes };
+                    published.put(*kind, image, there);
                 }
                 rest = after;
             }
@@ -322,7 +418,10 @@ fn bind_clear(frame: &mut FrameConstants, aov: &AovRequest) {
         AovKind::Neye => frame.aov_clear.neye = [x, y, z],
         AovKind::Albedo => frame.aov_clear.albedo = [x, y, z],
         AovKind::Motion => frame.aov_clear.motion = [x, y, z],
+        AovKind::Position => frame.aov_clear.position = [x, y, z],
+        AovKind::Peye => frame.aov_clear.peye = [x, y, z],
+        AovKind::GeometricNormal => frame.aov_clear.geometric_normal = [x, y, z],
         // Every pixel has one.
-        AovKind::SampleCount => {}
+        AovKind::SampleCount | AovKind::Variance | AovKind::Error => {}
     }
 }

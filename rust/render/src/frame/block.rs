@@ -24,6 +24,7 @@ pub(crate) fn frame_block(context: &FrameContext<'_>, scene: &SceneView) -> Fram
     let FrameContext { job, lights, rays, film, .. } = *context;
     let mut flags = FrameFlags::empty();
     flags.set(FrameFlags::DOME_CAMERA_VISIBLE, lights.background_visible());
+    flags.set(FrameFlags::FIRST_HITS, !film.has_light());
     let exposure = job.request.camera.exposure();
     let part = job.request.part();
     let mut block = FrameConstants {
@@ -43,6 +44,8 @@ pub(crate) fn frame_block(context: &FrameContext<'_>, scene: &SceneView) -> Fram
         ray_d_y: rays.d_y,
         lens_u: rays.lens_u,
         lens_v: rays.lens_v,
+        origin: job.snapshot.origin.as_vec3().to_array(),
+        origin_lo: (job.snapshot.origin - job.snapshot.origin.as_vec3().as_dvec3()).as_vec3().to_array(),
         focus: rays.focus,
         clip_z: rays.clip_z,
         clip_w: rays.clip_w,

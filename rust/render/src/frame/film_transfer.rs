@@ -55,6 +55,16 @@ impl FilmTransfer {
         filled.map_or(Ok(()), |(last, staged, chunk)| self.empty(&last, staged, chunk))
     }
 
+    /// Copies the first bytes of a buffer, all of it at most, to `bytes`, which get as long.
+    pub(crate) fn take_all(&self, source: &Buffer, length: u64, bytes: &mut Vec<u8>) -> Result<(), GpuError> {
+        let length = usize::try_from(length.min(source.size())).unwrap_or(usize::MAX);
+        if bytes.len() != length {
+            // Zeroed by the system as it is touched, not here.
+            *bytes = vec![0; length];
+        }
+        self.take(source, 0, bytes)
+    }
+
     /// Copies what a submission put into a staging buffer; all threads copy, which also spreads the page faults of
     /// memory that is new.
     fn empty(&self, submission: &Submission, staged: &Buffer, chunk: &mut [u8]) -> Result<(), GpuError> {

@@ -31,12 +31,13 @@ pub(crate) fn roomy_waves(context: &FrameContext<'_>, scene: &DeviceScene) -> u6
 pub(crate) fn path_needs(context: &FrameContext<'_>, textures: bool, deferred_cutouts: bool) -> PathNeeds {
     PathNeeds {
         // First hits ask no light.
-        shadows: context.film.has_color() && has_shadow_rays(context),
+        shadows: context.film.has_light() && has_shadow_rays(context),
         textures,
         light_paths: has_light_paths(context),
         feedback: textures,
         deferred_cutouts,
         bounce_kinds: limits_kinds(&context.job.settings),
+        plane_words: context.film.plane_words(),
     }
 }
 

@@ -75,7 +75,7 @@ pub(crate) struct FrameProgress<'a> {
     part: Option<FilmPart>,
     /// First sample that is rendered.
     first_sample: u32,
-    /// The film goes on with samples of another process, without the images of pixel centres.
+    /// The film goes on with samples of another process, or for other images, without those of pixel centres.
     lacks_planes: bool,
     /// `WavefrontCounters::nonfinite_pixel`.
     nonfinite_pixel: u32,
@@ -150,8 +150,9 @@ impl<'a> FrameProgress<'a> {
         self.log.begin_again();
     }
 
-    /// Goes on with samples that the film has.
-    pub(crate) fn go_on(&mut self, kept: KeptSamples) {
+    /// Goes on with samples that the film has, for images of `job`.
+    pub(crate) fn go_on(&mut self, kept: KeptSamples, job: &RenderJob) {
+        self.lacks_planes |= kept.job.request.aovs != job.request.aovs;
         self.done = kept.paths;
         (self.kept, self.knows_kept) = (Some(kept.paths), kept.is_told);
         (self.before.nonfinite, self.nonfinite_pixel) = kept.nonfinite;
@@ -424,7 +425,7 @@ impl<'a> FrameProgress<'a> {
         let kinds = job.request.kinds();
         let mut published = lock(&self.shared.published);
         if published.begin(self.generation, &kinds, &self.layout, PictureExtent::WHOLE) {
-            kinds.iter().for_each(|kind| published.put(*kind, &[], PictureExtent::WHOLE));
+            kinds.iter().for_each(|kind| published.put(*kind, &[], 0));
         }
         drop(published);
         self.finish()

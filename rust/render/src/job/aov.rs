@@ -2,8 +2,9 @@
 //! The images a render produces (Hydra: arbitrary output variables), their formats and where they come from.
 //!
 //! All images are tightly packed, native endian, bottom row first as Hydra's render buffers expect.
-//! `Color` is averaged over samples; every other image is traced once through pixel centres with a pinhole camera, so
-//! that ids and depth are exact and do not depend on sampling.
+//! `Color` is averaged over samples, and with it the images that are filtered ([`AovKind::is_filterable`]); every other
+//! image is traced once through pixel centres with a pinhole camera, so that ids and depth are exact and do not depend
+//! on sampling.
 
 macro_rules! aov_kinds {
     ($($(#[doc = $doc:literal])+ $name:ident: $token:literal, $channels:literal;)+) => {
@@ -60,12 +61,36 @@ aov_kinds! {
     /// Samples of the pixel so far (`sampleCount`, as `RenderMan` names it); f32. Samples are taken for it as for
     /// `Color`.
     SampleCount: "sampleCount", 1;
+    /// Point of the surface in world space; f32.
+    Position: "position", 3;
+    /// The same in camera space; f32.
+    Peye: "Peye", 3;
+    /// Normal in world space of the surface as it is traced, without interpolation or normal maps; f32.
+    GeometricNormal: "Ng", 3;
+    /// Variance of the pixel's samples, by channel, in units of the square of `Color`; f32. 0 below two samples.
+    Variance: "variance", 3;
+    /// Estimated standard error of the pixel relative to its value; the mean of its squares over the image is the told
+    /// relMSE; f32. 0 below two samples.
+    Error: "error", 1;
 }
 
 impl AovKind {
     /// The kind named by Hydra's token, if OocPT renders it.
     pub fn from_token(token: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|kind| kind.token() == token)
+    }
+
+    /// Whether the image is the mean over a pixel's samples of what each meets first, where
+    /// [`oocpt_core::settings::Settings::filter_aovs`] is set; the mean of ids, depths or vectors of motion at an edge
+    /// is that of no surface.
+    pub fn is_filterable(self) -> bool {
+        let shading = matches!(self, Self::Normal | Self::Neye | Self::Albedo);
+        shading || matches!(self, Self::Position | Self::Peye | Self::GeometricNormal)
+    }
+
+    /// Whether the image says something of the samples of `Color`.
+    pub(crate) fn is_of_light(self) -> bool {
+        matches!(self, Self::Color | Self::SampleCount | Self::Variance | Self::Error)
     }
 
     /// Hydra's usual value of a pixel that nothing covers.

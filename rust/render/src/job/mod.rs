@@ -60,7 +60,7 @@ impl RenderJob {
         };
         self.goes_on
             && have.snapshot.version == self.snapshot.version
-            && have.request == self.request
+            && self.request.has_samples_of(&have.request, self.settings.filter_aovs)
             && have.options == self.options
             && Arc::ptr_eq(&have.files, &self.files)
             && same_images

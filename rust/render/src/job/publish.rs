@@ -38,10 +38,6 @@ impl PictureExtent {
         let whole = |pixels: u64| if pixels == u64::MAX { pixels } else { pixels - pixels % strip };
         Self { planes: whole(self.planes), samples: whole(self.samples) }
     }
-
-    fn of(self, kind: AovKind) -> u64 {
-        if matches!(kind, AovKind::Color | AovKind::SampleCount) { self.samples } else { self.planes }
-    }
 }
 
 /// The latest images of a session.
@@ -102,10 +98,10 @@ impl PublishedImages {
         self.generation == generation && !self.images.is_empty()
     }
 
-    /// Replaces what `extent` says of the window in the image of `kind`, in the memory that it had: fresh pages would
-    /// take longer than the copy.
-    pub(crate) fn put(&mut self, kind: AovKind, pixels: &[u8], extent: PictureExtent) {
-        let bytes = usize::try_from(extent.of(kind)).unwrap_or(usize::MAX).saturating_mul(kind.pixel_bytes());
+    /// Replaces the first so many pixels of the window in the image of `kind`, in the memory that it had: fresh pages
+    /// would take longer than the copy.
+    pub(crate) fn put(&mut self, kind: AovKind, pixels: &[u8], there: u64) {
+        let bytes = usize::try_from(there).unwrap_or(usize::MAX).saturating_mul(kind.pixel_bytes());
         let pixels = &pixels[..bytes.min(pixels.len())];
         self.change(kind, |image, layout| {
             if layout.is_whole() {
@@ -183,13 +179,18 @@ mod tests {
         PictureLayout::new(size, window.unwrap_or(PixelWindow::whole(size)), &aovs)
     }
 
+    /// Pixels of an image in a picture of this extent.
+    fn there(kind: AovKind, extent: PictureExtent) -> u64 {
+        if kind == AovKind::SampleCount { extent.samples } else { extent.planes }
+    }
+
     /// Images of so many pixels, each byte `value`.
     fn put(published: &mut PublishedImages, generation: u64, pixels: usize, value: u8, extent: PictureExtent) -> bool {
         let kinds = [AovKind::Depth, AovKind::SampleCount];
         let layout = layout([u32::try_from(pixels).unwrap(), 1], None);
         let shown = published.begin(generation, &kinds, &layout, extent);
         if shown {
-            kinds.iter().for_each(|kind| published.put(*kind, &vec![value; 4 * pixels], extent));
+            kinds.iter().for_each(|kind| published.put(*kind, &vec![value; 4 * pixels], there(*kind, extent)));
         }
         shown
     }
@@ -227,7 +228,7 @@ mod tests {
         let (size, extent) = ([4, 3], PictureExtent::WHOLE);
         let mut show = |generation: u64, window: PixelWindow, values: &[f32], extent: PictureExtent| {
             assert!(published.begin(generation, &kinds, &layout(size, Some(window)), extent));
-            published.put(AovKind::Depth, bytemuck::cast_slice(values), extent);
+            published.put(AovKind::Depth, bytemuck::cast_slice(values), extent.planes);
             bytemuck::pod_collect_to_vec::<u8, f32>(published.image(AovKind::Depth).expect("put"))
         };
         let first = PixelWindow { x: 1, y: 1, width: 2, height: 2 };

@@ -62,6 +62,17 @@ impl RenderRequest {
         kinds
     }
 
+    /// Whether samples of `have` are samples of this request too: other images may be wanted of the same view, but the
+    /// same ones that are filtered with the samples, if `filters`, and light of both or of neither.
+    pub(crate) fn has_samples_of(&self, have: &Self, filters: bool) -> bool {
+        let view = |of: &Self| Self { aovs: Vec::new(), ..of.clone() };
+        let has_light = |of: &Self| of.aovs.iter().any(|aov| aov.kind.is_of_light());
+        let is_filtered = |aov: &&AovRequest| filters && aov.kind.is_filterable();
+        view(self) == view(have)
+            && has_light(self) == has_light(have)
+            && self.aovs.iter().filter(is_filtered).eq(have.aovs.iter().filter(is_filtered))
+    }
+
     /// Where the pixels go in the images.
     pub(crate) fn layout(&self) -> PictureLayout {
         PictureLayout::new([self.width, self.height], self.part(), &self.aovs)

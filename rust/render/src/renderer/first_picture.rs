@@ -112,11 +112,12 @@ impl FirstPictures {
         }
         let layout = job.request.layout();
         let job = coarser(job, factor);
+        let sums = FilmSums::of(&job, false);
         let film = self
             .film
             .take()
-            .filter(|film| film.fits(&job.request, FilmSums::default()))
-            .map_or_else(|| Film::new(&device.gpu, &job.request, FilmSums::default()), Ok::<_, GpuError>);
+            .filter(|film| film.fits(&job.request, sums))
+            .map_or_else(|| Film::new(&device.gpu, &job.request, sums), Ok::<_, GpuError>);
         let film = film.inspect_err(|error| tracing::debug!(%error, "no first picture")).ok()?;
         Some(FirstPicture { factor, layout, job, film })
     }

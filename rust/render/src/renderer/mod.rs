@@ -185,14 +185,14 @@ impl Renderer {
         }
         let kept = self.kept.take().filter(|kept| kept.serve(job));
         let makes_part = makes_part(gate.shared(), job);
-        self.make_images(device, job, makes_part)?;
+        self.make_images(device, job, makes_part, kept.is_some())?;
         let Some(film) = self.film.take() else {
             return Err(RenderError::Internal("the frame's images were not made".into()));
         };
         progress.begin_checkpoints(job, &device.gpu, &film, kept.is_none())?;
         progress.begin_part(job, &device.gpu, &film)?;
         if let Some(kept) = kept {
-            progress.go_on(kept);
+            progress.go_on(kept, job);
         }
         let tables = std::mem::take(&mut self.light_tables);
         let context = FrameContext {
@@ -516,11 +516,20 @@ impl Renderer {
         Ok(device)
     }
 
-    fn make_images(&mut self, device: &Device, job: &RenderJob, makes_part: bool) -> Result<(), RenderError> {
-        let sums = FilmSums { adaptive: job.settings.adaptive_sampling, exact: makes_part };
+    /// Allocates the images of `job`; with `keeps` the samples of the film stay.
+    fn make_images(
+        &mut self,
+        device: &Device,
+        job: &RenderJob,
+        makes_part: bool,
+        keeps: bool,
+    ) -> Result<(), RenderError> {
+        let sums = FilmSums::of(job, makes_part);
         if !self.film.as_ref().is_some_and(|film| film.fits(&job.request, sums)) {
-            self.film = None;
-            self.film = Some(Film::new(&device.gpu, &job.request, sums)?);
+            self.film = match self.film.take().filter(|_| keeps) {
+                Some(film) => Some(film.with_images_of(&device.gpu, &job.request)?),
+                None => Some(Film::new(&device.gpu, &job.request, sums)?),
+            };
         }
         self.film.as_mut().map_or(Ok(()), |film| film.begin(job))
     }

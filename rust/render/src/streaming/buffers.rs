@@ -68,7 +68,8 @@ impl StreamBuffers {
         let slots = |name: &str, stride: usize| array(name, capacity, stride);
         let needs = needs.at_least_one();
         let StreamingNeeds { levels, geometry, units, .. } = needs;
-        let ended = RadiancePlaces::new(gpu, capacity, PlaceBounds { total: requested.1, host_bytes })?;
+        let bounds = PlaceBounds { total: requested.1, host_bytes, plane_words: needs.plane_words };
+        let ended = RadiancePlaces::new(gpu, capacity, bounds)?;
         let segment_count = ended.segment_count;
         let played = if needs.roulette { size_of::<RouletteStats>() + 4 * geometry as usize } else { 0 };
         let demand_bytes = StepExtents::demand_bytes(listed(needs) as usize);
@@ -120,7 +121,7 @@ impl StreamBuffers {
         let Self { segments, sort_counts, sort_sums, unit_rays, streaming, .. } = self;
         let Self { demand, demand_counts, demanded, demand_list, .. } = self;
         let tables = [segments, demand, demand_counts, demanded, demand_list, sort_counts, sort_sums, unit_rays];
-        let tables = tables.into_iter().chain([streaming, &self.ended.radiance]);
+        let tables = tables.into_iter().chain([streaming]).chain(self.ended.buffers());
         for buffer in waiting.into_iter().chain(tables).chain(readback) {
             inventory.add(buffer.name(), buffer.size());
         }
@@ -213,6 +214,7 @@ impl StreamBuffers {
     /// Writes the addresses into a frame block.
     pub(crate) fn bind(&self, frame: &mut FrameConstants) {
         self.paths.bind(frame);
+        frame.plane_values = self.ended.planes.as_ref().map_or(0, Buffer::address);
         frame.streaming = self.streaming.address();
     }
 
@@ -329,7 +331,7 @@ fn sorted(needs: StreamingNeeds) -> u32 {
 /// The needs of the paths in slots.
 fn path_needs(needs: StreamingNeeds) -> PathNeeds {
     let StreamingNeeds { textures, light_paths, shadows, bounce_kinds, .. } = needs;
-    PathNeeds { shadows, textures, light_paths, feedback: false, deferred_cutouts: false, bounce_kinds }
+    PathNeeds { shadows, textures, light_paths, feedback: false, deferred_cutouts: false, bounce_kinds, plane_words: 0 }
 }
 
 /// Bytes of device memory that a slot takes, at most.
@@ -341,7 +343,12 @@ pub(super) fn slot_bytes(gpu: &Gpu, needs: StreamingNeeds) -> u64 {
     let numbers = 3 * 4 + 2 * 8;
     let pending = (1 + u64::from(needs.shadows)) * size_of::<PendingItems>() as u64;
     let waiting = numbers + pending + size_of::<GpuSurface>() as u64;
-    path_needs(needs).bytes_a_path(needs.levels) + waiting + device_bytes(gpu) + textures + cutouts + materials
+    path_needs(needs).bytes_a_path(needs.levels)
+        + waiting
+        + device_bytes(gpu, needs.plane_words)
+        + textures
+        + cutouts
+        + materials
 }
 
 #[cfg(test)]
@@ -370,6 +377,7 @@ mod tests {
                 roulette: false,
                 visits: false,
                 bounce_kinds: shadows && materials,
+                plane_words: 3 * (bits % 3),
             };
             // The largest number of places is assumed, eight a slot.
             let of = |capacity: u32| {
@@ -377,8 +385,8 @@ mod tests {
                 let made = StreamBuffers::new(&gpu, capacity, ((u64::from(capacity), paths), 1 << 40), needs);
                 let mut listed = RenderInventory::default();
                 made.expect("memory").list(&mut listed);
-                let of_host = ["ended_radiance", "steps 0", "steps 1", "streaming"];
-                let of_host = &of_host[usize::from(gpu.is_unified())..];
+                let of_host = ["ended_radiance", "plane_values", "steps 0", "steps 1", "streaming"];
+                let of_host = &of_host[2 * usize::from(gpu.is_unified())..];
                 let buffers = listed.buffers.iter().filter(|buffer| !of_host.contains(&buffer.name.as_str()));
                 buffers.map(|buffer| buffer.bytes).sum::<u64>()
             };

@@ -198,10 +198,11 @@ fn make_buffers(
         cutouts: textures && specialise::has_cutouts(&job.snapshot),
         cutout_programs: textures && job.snapshot.features.contains(Features::CUTOUT_PROGRAMS),
         light_paths: has_light_paths(context),
-        shadows: has_shadow_rays(context),
+        shadows: context.film.has_light() && has_shadow_rays(context),
         roulette: job.settings.straggler_roulette,
         visits: maps_host(device, &job.settings),
         bounce_kinds: limits_kinds(&job.settings),
+        plane_words: context.film.plane_words(),
     };
     let most = if leaves_soon(job) { MIN_PATHS } else { most_paths(context) };
     let paths = job.request.pixels() * u64::from(job.settings.samples_per_pixel);

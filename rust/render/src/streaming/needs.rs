@@ -30,6 +30,8 @@ pub(crate) struct StreamingNeeds {
     pub(crate) visits: bool,
     /// True if some kind of bounce has a limit of its own.
     pub(crate) bounce_kinds: bool,
+    /// Values that a sample has for filtered images.
+    pub(crate) plane_words: u32,
 }
 
 impl StreamingNeeds {

@@ -17,8 +17,8 @@ const PER_SLOT: u32 = 8;
 const PER_SLOT_HOST: u32 = 64;
 /// Number of places that is enough in host memory, unless [`PER_SLOT`] for every slot are more.
 const ENOUGH: u64 = 1 << 26;
-/// Bytes of a place: the radiance of a path.
-const PLACE_BYTES: u64 = 16;
+/// Bytes of a place for the radiance of a path.
+const RADIANCE_BYTES: u64 = 16;
 
 /// The bounds on the number of places.
 #[derive(Clone, Copy, Debug)]
@@ -27,6 +27,13 @@ pub(super) struct PlaceBounds {
     pub(super) total: u64,
     /// Bytes of host memory; not used on unified devices.
     pub(super) host_bytes: u64,
+    /// Values that a path has for filtered images.
+    pub(super) plane_words: u32,
+}
+
+/// Bytes of a place for the values of filtered images.
+fn plane_bytes(plane_words: u32) -> u64 {
+    4 * u64::from(plane_words)
 }
 
 /// The buffer of the places.
@@ -36,6 +43,8 @@ pub(crate) struct RadiancePlaces {
     pub(super) segment_size: u32,
     /// Radiance as f32x4 by place.
     pub(super) radiance: Buffer,
+    /// What first hits have for filtered images, by place; only with such images.
+    pub(super) planes: Option<Buffer>,
 }
 
 impl RadiancePlaces {
@@ -49,32 +58,55 @@ impl RadiancePlaces {
         let mut per_slot = per_slot(capacity, bounds, usage, gpu.limits().max_allocation_bytes);
         loop {
             let segment_count = capacity / segment_size * per_slot;
-            let bytes = u64::from(segment_count) * u64::from(segment_size) * PLACE_BYTES;
-            match Buffer::new(gpu, "ended_radiance", bytes, usage) {
+            let places = u64::from(segment_count) * u64::from(segment_size);
+            match buffers(gpu, usage, places, bounds.plane_words) {
                 Err(GpuError::OutOfMemory { .. }) if per_slot > 1 && usage != BufferUsage::Device => per_slot /= 2,
-                radiance => return Ok(Self { segment_count, segment_size, radiance: radiance? }),
+                made => {
+                    let (radiance, planes) = made?;
+                    return Ok(Self { segment_count, segment_size, radiance, planes });
+                }
             }
         }
     }
+
+    pub(super) fn buffers(&self) -> impl Iterator<Item = &Buffer> {
+        [&self.radiance].into_iter().chain(&self.planes)
+    }
+}
+
+/// The buffers of so many places.
+fn buffers(
+    gpu: &Arc<Gpu>,
+    usage: BufferUsage,
+    places: u64,
+    plane_words: u32,
+) -> Result<(Buffer, Option<Buffer>), GpuError> {
+    let radiance = Buffer::new(gpu, "ended_radiance", places * RADIANCE_BYTES, usage)?;
+    let bytes = places * plane_bytes(plane_words);
+    let planes = (bytes > 0).then(|| Buffer::new(gpu, "plane_values", bytes, usage)).transpose()?;
+    Ok((radiance, planes))
 }
 
 /// Bytes of device memory that the places of a slot take, at most.
-pub(super) fn device_bytes(gpu: &Gpu) -> u64 {
-    if gpu.is_unified() { PLACE_BYTES * u64::from(PER_SLOT) } else { 0 }
+pub(super) fn device_bytes(gpu: &Gpu, plane_words: u32) -> u64 {
+    if gpu.is_unified() { (RADIANCE_BYTES + plane_bytes(plane_words)) * u64::from(PER_SLOT) } else { 0 }
 }
 
 /// Places for each of `capacity` slots: no more than the render has paths, than the driver allocates in one piece, nor
 /// than there is host memory.
 fn per_slot(capacity: u32, bounds: PlaceBounds, usage: BufferUsage, max_allocation_bytes: u64) -> u32 {
     let slots = u64::from(capacity).max(1);
-    let (most, bytes) = match usage {
-        BufferUsage::Device => (u64::from(PER_SLOT), max_allocation_bytes),
+    let planes = plane_bytes(bounds.plane_words);
+    // The largest of the pieces, and all of them together.
+    let by_driver = max_allocation_bytes / planes.max(RADIANCE_BYTES);
+    let (most, places) = match usage {
+        BufferUsage::Device => (u64::from(PER_SLOT), by_driver),
         BufferUsage::Upload | BufferUsage::Readback | BufferUsage::Shared => {
             let enough = (ENOUGH / slots).clamp(u64::from(PER_SLOT), u64::from(PER_SLOT_HOST));
-            (enough, max_allocation_bytes.min(bounds.host_bytes))
+            (enough, by_driver.min(bounds.host_bytes / (RADIANCE_BYTES + planes)))
         }
     };
-    let most = most.min(bounds.total.div_ceil(slots)).min(bytes / PLACE_BYTES / slots);
+    let most = most.min(bounds.total.div_ceil(slots)).min(places / slots);
     u32::try_from(most).unwrap_or(PER_SLOT).max(1)
 }
 
@@ -84,7 +116,7 @@ mod tests {
     use oocpt_gpu::{DriverCall, OpenOptions, PlantedFailure};
 
     const NVIDIA: u64 = 4_292_870_144; // what an H200's driver gives in one piece
-    const MANY: PlaceBounds = PlaceBounds { total: 1 << 40, host_bytes: 1 << 40 };
+    const MANY: PlaceBounds = PlaceBounds { total: 1 << 40, host_bytes: 1 << 40, plane_words: 0 };
 
     #[test]
     fn deferred_places_are_bounded_by_paths_and_driver_limits() {
@@ -105,6 +137,9 @@ mod tests {
         assert_eq!(on_host(1 << 19, PlaceBounds { total: 28_114_944, ..MANY }), 54, "a place for each path is enough");
         assert_eq!(on_host(1 << 19, PlaceBounds { host_bytes: 96 << 20, ..MANY }), 12, "96 MiB");
         assert_eq!(on_host(1 << 19, PlaceBounds { host_bytes: 0, ..MANY }), 1, "at least one");
+        let filtered = PlaceBounds { plane_words: 8, ..MANY };
+        assert_eq!(on_host(1 << 19, PlaceBounds { host_bytes: 96 << 20, ..filtered }), 4, "three times as large");
+        assert_eq!(on_host(1 << 25, filtered), 3, "the larger of two pieces");
     }
 
     #[test]

@@ -31,13 +31,15 @@ pub(crate) struct PathNeeds {
     pub(crate) deferred_cutouts: bool,
     /// Counts of bounces by kind: some kind has a limit of its own.
     pub(crate) bounce_kinds: bool,
+    /// Values that a sample has for filtered images, in core: while streaming they are in the segments.
+    pub(crate) plane_words: u32,
 }
 
 impl PathNeeds {
     /// Bytes of device memory for `capacity` paths of scenes of so many instance levels, with one set of counters.
     pub(crate) fn bytes(self, capacity: u32, max_levels: u32) -> u64 {
         let arrays = PathArray::ALL.into_iter().filter(|array| array.is_needed(self));
-        arrays.map(|array| array.bytes(capacity, max_levels)).sum()
+        arrays.map(|array| array.bytes(capacity, max_levels, self)).sum()
     }
 
     /// Bytes of device memory that each of many paths takes.
@@ -67,10 +69,11 @@ enum PathArray {
     /// The candidates of these rays.
     SettleHits,
     BounceKinds,
+    PlaneValues,
 }
 
 impl PathArray {
-    const ALL: [Self; 16] = [
+    const ALL: [Self; 17] = [
         Self::Rays,
         Self::ShadowRays,
         Self::Hits,
@@ -87,6 +90,7 @@ impl PathArray {
         Self::SettleQueue,
         Self::SettleHits,
         Self::BounceKinds,
+        Self::PlaneValues,
     ];
 
     fn name(self) -> &'static str {
@@ -107,10 +111,11 @@ impl PathArray {
             Self::SettleQueue => "settle_queue",
             Self::SettleHits => "settle_hits",
             Self::BounceKinds => "bounce_kinds",
+            Self::PlaneValues => "plane_values",
         }
     }
 
-    fn bytes(self, capacity: u32, max_levels: u32) -> u64 {
+    fn bytes(self, capacity: u32, max_levels: u32, needs: PathNeeds) -> u64 {
         let hit = u64::from(hit_stride(max_levels));
         let stride = match self {
             Self::Rays => size_of::<Ray>() as u64,
@@ -121,6 +126,7 @@ impl PathArray {
             Self::Cones => CONE_BYTES,
             Self::LightPaths => LIGHT_PATH_BYTES,
             Self::SettleQueue => 8,
+            Self::PlaneValues => 4 * u64::from(needs.plane_words),
             Self::SettleHits => return 2 * hit * u64::from(capacity.div_ceil(PATHS_TO_KEPT)),
             Self::RayQueue0
             | Self::RayQueue1
@@ -141,6 +147,7 @@ impl PathArray {
             Self::IncompletePaths => needs.feedback,
             Self::SettleQueue | Self::SettleHits => needs.deferred_cutouts,
             Self::BounceKinds => needs.bounce_kinds,
+            Self::PlaneValues => needs.plane_words > 0,
             Self::Rays
             | Self::Hits
             | Self::Paths
@@ -172,7 +179,7 @@ impl PathBuffers {
     pub(crate) fn new(gpu: &Arc<Gpu>, capacity: u32, max_levels: u32, needs: PathNeeds) -> Result<Self, GpuError> {
         let mut arrays = [const { None }; PathArray::ALL.len()];
         for array in PathArray::ALL.into_iter().filter(|array| array.is_needed(needs)) {
-            let bytes = array.bytes(capacity, max_levels);
+            let bytes = array.bytes(capacity, max_levels, needs);
             arrays[array as usize] = Some(Buffer::new(gpu, array.name(), bytes, BufferUsage::Device)?);
         }
         let counters = Buffer::new(gpu, "counters", size_of::<WavefrontCounters>() as u64, BufferUsage::Device)?;
@@ -195,7 +202,7 @@ impl PathBuffers {
         for array in PathArray::ALL {
             match self.get(array) {
                 Some(buffer) => inventory.add(buffer.name(), buffer.size()),
-                None => inventory.leave_out(array.name(), array.bytes(self.capacity, self.max_levels)),
+                None => inventory.leave_out(array.name(), array.bytes(self.capacity, self.max_levels, self.needs)),
             }
         }
         inventory.add(self.counters.name(), self.counters.size());
@@ -240,6 +247,7 @@ impl PathBuffers {
         frame.cones = at(PathArray::Cones);
         frame.light_paths = at(PathArray::LightPaths);
         frame.bounce_kinds = at(PathArray::BounceKinds);
+        frame.plane_values = at(PathArray::PlaneValues);
         frame.counters = self.counters.address();
     }
 }
@@ -261,7 +269,9 @@ mod tests {
         for bits in 0..64_u32 {
             let [shadows, textures, light_paths, feedback, deferred_cutouts, bounce_kinds] =
                 [0, 1, 2, 3, 4, 5].map(|bit| bits >> bit & 1 == 1);
-            let needs = PathNeeds { shadows, textures, light_paths, feedback, deferred_cutouts, bounce_kinds };
+            let plane_words = bits % 5 * 3;
+            let needs =
+                PathNeeds { shadows, textures, light_paths, feedback, deferred_cutouts, bounce_kinds, plane_words };
             for (capacity, levels) in [(1 << 12, 1), (5000, 2)] {
                 let made = PathBuffers::new(&gpu, capacity, levels, needs).expect("memory");
                 let bytes: u64 = made.arrays.iter().flatten().map(Buffer::size).sum();

@@ -98,16 +98,20 @@ impl WavefrontRecorder<'_> {
             self.indirect(commands, resolve, q.with(round, 0));
             self.direct(commands, Pass::PrepareDispatch, q.with(round, PREPARE_SHADE), 1);
         }
-        commands.concurrent(|c| match kind {
-            PathKind::Aovs => {
+        // In core only the first round has camera rays; while streaming any may have some.
+        let is_first = round == 0 || self.has(Pass::RecordSurfaces);
+        if kind == PathKind::Aovs || is_first && self.film.filtered().is_some() {
+            commands.concurrent(|c| {
                 self.indirect_by(c, Pass::ShadeAovs, q.with(round, AOV_SURFACES), WavefrontCounters::SURFACE_ARGS);
                 self.indirect_by(c, Pass::ShadeAovs, q.with(round, AOV_ESCAPED), WavefrontCounters::ESCAPED_ARGS);
-            }
-            PathKind::Samples => {
+            });
+        }
+        if kind == PathKind::Samples && self.film.has_light() {
+            commands.concurrent(|c| {
                 self.indirect(c, Pass::ShadeBackground, q.with(round, 0));
                 self.indirect(c, Pass::ShadeSurface, q.with(round, 0));
-            }
-        });
+            });
+        }
     }
 
     /// Adds the samples of a wave to the film, measuring on the way; `push` is the wave's, `arg0` its first place.
@@ -117,6 +121,8 @@ impl WavefrontRecorder<'_> {
         for piece in self.film.pieces(wave, u64::MAX) {
             let (q, apart) = self.film.push(push.frame, piece.wave);
             let q = PushConstants { flags: push.flags, ..q }.with(push.round, push.arg0 + piece.offset);
+            // It reads how many samples there were.
+            self.direct(commands, Pass::SumPlanes, q, piece.wave.count.min(apart));
             commands.concurrent(|c| {
                 self.direct(c, Pass::Accumulate, q, piece.wave.count.min(apart));
                 self.direct(c, Pass::SumExact, q, piece.wave.count.min(apart));
@@ -142,6 +148,9 @@ impl WavefrontRecorder<'_> {
             commands.concurrent(|c| {
                 self.direct(c, Pass::Resolve, self.push(PathKind::Samples), self.pixels);
                 self.direct(c, Pass::CountSamples, self.push(PathKind::Samples), self.pixels);
+                self.direct(c, Pass::ResolvePlanes, self.push(PathKind::Samples), self.pixels);
+                let scaled = self.push(PathKind::Samples).with(0, self.film.error_scale());
+                self.direct(c, Pass::TellSpread, scaled, self.pixels);
             });
         }
         self.film.copy_out(commands, self.counters);

@@ -22,7 +22,7 @@ use std::sync::Arc;
 
 /// Renders a row; gives what it was made of and its images.
 fn render(row: &Row, forced_features: ForcedFeatures) -> (RenderInventory, Vec<Vec<u8>>) {
-    let streams = matches!(row.also, Also::Streaming | Also::Mapped | Also::Roulette);
+    let streams = matches!(row.also, Also::Streaming | Also::Mapped | Also::Roulette | Also::StreamedFiltered);
     let report = std::env::temp_dir().join(format!("oocpt-features-{}.json", std::process::id()));
     let chunk_report =
         if row.also == Also::ChunkReport { report.to_string_lossy().into_owned() } else { String::new() };
@@ -31,6 +31,7 @@ fn render(row: &Row, forced_features: ForcedFeatures) -> (RenderInventory, Vec<V
     let settings = Settings {
         film_part,
         adaptive_sampling: row.also == Also::Adaptive,
+        filter_aovs: matches!(row.also, Also::Filtered | Also::StreamedFiltered),
         pixel_filter: if row.also == Also::Filter { PixelFilterKind::Gaussian } else { PixelFilterKind::Box },
         max_diffuse_bounces: if row.also == Also::Kinds { 1 } else { Settings::default().max_diffuse_bounces },
         chunk_report,
@@ -67,7 +68,8 @@ fn render(row: &Row, forced_features: ForcedFeatures) -> (RenderInventory, Vec<V
     let mut request = request(camera);
     let more = match row.also {
         Also::Depth => AovKind::Depth,
-        Also::Albedo => AovKind::Albedo,
+        Also::Albedo | Also::Filtered | Also::StreamedFiltered => AovKind::Albedo,
+        Also::Errors => AovKind::Error,
         Also::Counts => AovKind::SampleCount,
         Also::Motion => AovKind::Motion,
         _ => AovKind::Color,

@@ -2,7 +2,7 @@
 //! What a live host sees while its camera moves: whole pictures, the first at a part of the resolution.
 
 use crate::scenes::{dome, nested, prim, sphere};
-use crate::support::{TIMEOUT, images, perspective, read, read_all, request, settings};
+use crate::support::{TIMEOUT, filtering, images, perspective, read, read_all, request, settings};
 use glam::{DMat4, DVec3};
 use oocpt_core::settings::Settings;
 use oocpt_render::{AovKind, PlantedFaults, RenderRequest, Session, SessionOptions};
@@ -18,7 +18,7 @@ fn view(turn: f64) -> RenderRequest {
 /// A session that shows images on the way, the first with sides divided by `factor`.
 fn live(samples: u32, faults: PlantedFaults) -> Session {
     let options = SessionOptions { validation: true, faults, ..SessionOptions::default() };
-    let session = Session::with_options(Settings { interactive: true, ..settings(samples, 2) }, options);
+    let session = Session::with_options(Settings { interactive: true, ..filtering(settings(samples, 2)) }, options);
     session.with_scene(nested);
     session
 }
@@ -140,7 +140,7 @@ fn a_picture_after_moves_is_that_of_a_session_that_never_moved() {
         }
         render(&session, &view(0.8));
         assert_eq!(session.shown_generation(), session.generation(), "the newest job is shown");
-        let alone = images(nested, settings(3, 2), &view(0.8));
+        let alone = images(nested, filtering(settings(3, 2)), &view(0.8));
         assert!(read_all(&session, &view(0.8)) == alone, "the same bits, with {first_picture:?}");
     }
 }

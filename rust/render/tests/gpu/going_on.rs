@@ -5,7 +5,7 @@
 use crate::error_estimate::{mirror, view as color_view};
 use crate::lights::TestFiles;
 use crate::scenes::{features, nested};
-use crate::support::{TIMEOUT, perspective, read, read_all, render, request, settings};
+use crate::support::{TIMEOUT, filtering, perspective, read, read_all, render, request, settings};
 use glam::DVec3;
 use oocpt_core::scene::SceneDb;
 use oocpt_core::settings::{FilmEffect, SettingValue, Settings, TraversalKind};
@@ -78,6 +78,39 @@ fn more_samples_go_on_with_the_same_bits_while_streaming() {
     goes_on("compute", nested, &by(TraversalKind::Compute, 4), true);
     let small = Settings { geometry_budget_kib: 96, ..by(TraversalKind::Auto, 4) };
     goes_on("native, little memory", nested, &small, true);
+}
+
+/// A picture for which other images are asked goes on with its samples, unless they are means over these.
+#[test]
+fn other_images_go_on_with_the_samples() {
+    for streams in [false, true] {
+        let session = open(nested, filtering(settings(4, 2)), streams);
+        let asking = |kinds: &[AovKind]| RenderRequest {
+            aovs: view().aovs.into_iter().filter(|aov| kinds.contains(&aov.kind)).collect(),
+            ..view()
+        };
+        let step = |kinds: &[AovKind], samples: u32, kept: u32| {
+            set_samples(&session, samples);
+            let request = asking(kinds);
+            render(&session, &request);
+            let stats = session.stats();
+            assert_eq!((stats.samples_completed, stats.samples_kept), (samples, kept), "{kinds:?}, {streams}");
+            let at_once = open(nested, filtering(settings(samples, 2)), streams);
+            render(&at_once, &request);
+            for kind in kinds {
+                let of = |session: &Session| read::<u8>(session, &request, *kind);
+                assert!(of(&session) == of(&at_once), "{kinds:?}, {samples} samples, {streams}: another {kind:?}");
+            }
+        };
+        step(&[AovKind::Color], 4, 0);
+        step(&[AovKind::Color, AovKind::Depth, AovKind::PrimId], 4, 4);
+        step(&[AovKind::Depth, AovKind::Error, AovKind::SampleCount], 6, 4);
+        step(&[AovKind::Color, AovKind::Albedo], 6, 0);
+        step(&[AovKind::Color, AovKind::Albedo, AovKind::Motion, AovKind::Variance], 9, 6);
+        step(&[AovKind::Albedo], 9, 0);
+        step(&[AovKind::Albedo, AovKind::ElementId], 11, 9);
+        step(&[AovKind::Color, AovKind::Albedo, AovKind::Normal], 11, 0);
+    }
 }
 
 #[test]

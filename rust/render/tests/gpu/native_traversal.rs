@@ -56,7 +56,7 @@ pub(crate) fn same_bits(
     streams: bool,
     request: &RenderRequest,
 ) {
-    let by = |traversal| Settings { traversal, ..settings.clone() };
+    let by = |traversal| support::filtering(Settings { traversal, ..settings.clone() });
     let (shaders, used, session) = images(build, by(TraversalKind::Compute), streams, request);
     assert_eq!(used.backend, "compute", "{what}: {used:?}");
     if !session.device_report().expect("a device").host_memory {

@@ -12,14 +12,20 @@ use std::time::Duration;
 /// Longest wait for one render: it only ends tests that hang, so a busy machine may take its time compiling.
 pub(crate) const TIMEOUT: Duration = Duration::from_secs(300);
 
-/// Settings of the tests: few samples, one seed, rays walked by the shaders, or by the host if `OOCPT_TEST_TRAVERSAL`
-/// says so: any test must pass with either. `OOCPT_TEST_DEVICE` names the device.
+/// Settings of the tests: few samples, one seed, images other than the colour through pixel centres, for closed forms;
+/// rays walked by the shaders, or by the host if `OOCPT_TEST_TRAVERSAL` says so: any test must pass with either.
+/// `OOCPT_TEST_DEVICE` names the device.
 pub(crate) fn settings(samples: u32, bounces: u32) -> Settings {
     let said = std::env::var("OOCPT_TEST_TRAVERSAL").ok();
     let traversal = said.and_then(|name| TraversalKind::named(&name)).unwrap_or(TraversalKind::Compute);
     let device = std::env::var("OOCPT_TEST_DEVICE").unwrap_or_default();
     let defaults = Settings { device, traversal, ..Settings::default() };
-    Settings { samples_per_pixel: samples, max_bounces: bounces, interactive: false, ..defaults }
+    Settings { samples_per_pixel: samples, max_bounces: bounces, interactive: false, filter_aovs: false, ..defaults }
+}
+
+/// The same settings, with images filtered with the samples as users have them.
+pub(crate) fn filtering(settings: Settings) -> Settings {
+    Settings { filter_aovs: true, ..settings }
 }
 
 /// The number of seeds that a test counts over: a few, or, by `cargo xtask test --full`, many.

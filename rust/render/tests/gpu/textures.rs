@@ -231,7 +231,7 @@ fn leaves(db: &mut SceneDb) {
 }
 
 fn small_chunks() -> Settings {
-    Settings { chunk_size_kib: 16, ..settings(4, 3) }
+    support::filtering(Settings { chunk_size_kib: 16, ..settings(4, 3) })
 }
 
 fn close() -> RenderRequest {

@@ -19,12 +19,12 @@ const fn row(kind: AovKind, parts: &'static str, first: usize, names: &'static [
 }
 
 /// Names of raw and intrinsic sources; compared without regard to case where none is alike in its case.
-const ROWS: [SourceRow; 12] = [
+const ROWS: [SourceRow; 17] = [
     row(AovKind::Color, "RGBA", 0, &["color", "Ci", "C", "rgba", "rgb", "beauty", "combined"]),
     row(AovKind::Color, "A", 3, &["a", "alpha"]),
     row(AovKind::CameraDepth, "Z", 0, &["z", "cameraDepth", "linearDepth", "hitPz", "ray:hitPz"]),
     row(AovKind::Depth, "Z", 0, &["depth"]),
-    row(AovKind::Normal, "XYZ", 0, &["normal", "N", "Nn", "hitN", "ray:hitN"]),
+    row(AovKind::Normal, "XYZ", 0, &["normal", "N", "Nn", "__Nworld", "hitN", "ray:hitN"]),
     row(AovKind::Neye, "XYZ", 0, &["Neye"]),
     row(AovKind::Albedo, "RGB", 0, &["albedo"]),
     row(AovKind::Motion, "XYZ", 0, &["motion", "motionvector"]),
@@ -32,6 +32,11 @@ const ROWS: [SourceRow; 12] = [
     row(AovKind::InstanceId, "I", 0, &["instanceId"]),
     row(AovKind::ElementId, "I", 0, &["elementId"]),
     row(AovKind::SampleCount, "N", 0, &["sampleCount"]),
+    row(AovKind::Position, "XYZ", 0, &["position", "P", "Pworld", "__Pworld", "worldPosition", "hitP", "ray:hitP"]),
+    row(AovKind::Peye, "XYZ", 0, &["Peye"]),
+    row(AovKind::GeometricNormal, "XYZ", 0, &["Ng", "hitNg", "ray:hitNg", "geometricNormal"]),
+    row(AovKind::Variance, "RGB", 0, &["variance", "var"]),
+    row(AovKind::Error, "E", 0, &["error", "relativeError"]),
 ];
 /// Path expressions for all light.
 const ALL_LIGHT: [&str; 5] = ["C.*", "C.*[<L.>O]", "C.*[LO]", "C[<.>]*[<L.>O]", "C.*[<O.><L.>]"];
@@ -167,6 +172,10 @@ mod tests {
         assert_eq!(kind("N", "raw"), Ok(AovKind::Normal));
         assert_eq!(kind("Z", "raw"), Ok(AovKind::CameraDepth));
         assert_eq!(kind("depth", ""), Ok(AovKind::Depth));
+        assert_eq!(kind("P", "raw"), Ok(AovKind::Position));
+        assert_eq!(kind("ray:hitNg", "intrinsic"), Ok(AovKind::GeometricNormal));
+        assert_eq!(kind("Peye", "raw"), Ok(AovKind::Peye));
+        assert_eq!([kind("variance", "raw"), kind("error", "")], [Ok(AovKind::Variance), Ok(AovKind::Error)]);
         assert_eq!(kind("PRIMID", "intrinsic"), Ok(AovKind::PrimId), "whatever its case");
         assert!(kind("albdo", "raw").is_err_and(|text| text.contains("albedo")), "the nearest");
         assert!(kind("C<RD>L", "lpe").is_err_and(|text| text.contains("C<RD>L")), "not all light");

@@ -15,11 +15,13 @@ mod state;
 
 use crate::error::RenderError;
 use crate::film::Film;
+use crate::film::filtered::sums_bytes;
 use crate::frame::film_header::film_header;
 use crate::frame::film_part::STALE;
 use crate::frame::film_transfer::FilmTransfer;
 use crate::frame::kept_samples::KeptSamples;
 use crate::job::RenderJob;
+use crate::job::aov::AovKind;
 use crate::job::request::Severity;
 use crate::job::shared::SharedState;
 use oocpt_abi::{FilmPixel, WavefrontCounters};
@@ -39,11 +41,19 @@ const COPYING_SHARE: u32 = 16;
 /// Blocks of the file.
 const STATE: &str = "state";
 const FILM: &str = "film";
+const PLANES: &str = "planes";
 /// Most bytes of the block of the state.
 const MAX_STATE_BYTES: u64 = 16 << 20;
 
 /// What a thread that wrote a file gives back: the records of the film, to be used again, and how it went.
-type WrittenFilm = (Vec<u8>, Result<(), FilmError>);
+type WrittenFilm = (FilmRecords, Result<(), FilmError>);
+
+/// The records of a film, and the sums of its filtered images.
+#[derive(Debug, Default)]
+struct FilmRecords {
+    film: Vec<u8>,
+    planes: Vec<u8>,
+}
 
 /// The checkpoints of a render.
 #[derive(Debug)]
@@ -55,7 +65,9 @@ pub(crate) struct FilmCheckpoints {
     transfer: FilmTransfer,
     gpu: Arc<Gpu>,
     /// Records of the film; empty while a thread has them.
-    records: Vec<u8>,
+    records: FilmRecords,
+    /// The filtered images of the film.
+    images: Vec<AovKind>,
     writer: Option<JoinHandle<WrittenFilm>>,
     /// Paths of the film that the file has.
     paths: u64,
@@ -113,7 +125,8 @@ impl FilmCheckpoints {
             next: now.checked_add(interval.min(FIRST)).unwrap_or(now),
             transfer,
             gpu: Arc::clone(gpu),
-            records: Vec::new(),
+            records: FilmRecords::default(),
+            images: film.filtered().map_or_else(Vec::new, |filtered| filtered.kinds().to_vec()),
             writer: None,
             paths: 0,
             under_way: 0,
@@ -144,7 +157,10 @@ impl FilmCheckpoints {
         self.paths = kept.paths;
         let goes_on = is_empty && job.goes_on; // a restart asks for the first sample again
         if let Some(target) = film.records().filter(|_| goes_on) {
-            self.transfer.put(target, &records)?;
+            self.transfer.put(target, &records.film)?;
+            if let Some(filtered) = film.filtered() {
+                self.transfer.put(&filtered.sums, &records.planes)?;
+            }
         }
         self.records = records;
         Ok(Some((self, goes_on.then_some(kept))))
@@ -152,7 +168,7 @@ impl FilmCheckpoints {
 
     /// The samples in the file, and the records of their film; `None` if there is no file. The reason why a file is not
     /// gone on from is for the user.
-    fn find(&mut self, job: &RenderJob) -> Result<Option<(KeptSamples, Vec<u8>)>, String> {
+    fn find(&mut self, job: &RenderJob) -> Result<Option<(KeptSamples, FilmRecords)>, String> {
         let reader = match FilmReader::open(&self.path) {
             Ok(reader) => reader,
             Err(FilmError::File(_, error)) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
@@ -173,18 +189,24 @@ impl FilmCheckpoints {
         let text = reader.block(STATE, MAX_STATE_BYTES).map_err(|error| error.to_string())?;
         let state = EngineState::read(&text).map_err(|error| format!("{file}: damaged: {error}"))?;
         let pixels = job.request.pixels();
-        let kept = state.kept(job, pixels).map_err(|reason| format!("{file}: {reason}"))?;
+        let kept = state.kept(job, &self.images).map_err(|reason| format!("{file}: {reason}"))?;
         let bytes = pixels * size_of::<FilmPixel>() as u64;
-        let records = reader.block(FILM, bytes).map_err(|error| error.to_string())?;
-        if !has_samples(&records, pixels, kept.paths) {
+        let film = reader.block(FILM, bytes).map_err(|error| error.to_string())?;
+        if !has_samples(&film, pixels, kept.paths) {
             return Err(format!("{file}: damaged: its pixels have other numbers of samples"));
+        }
+        let bytes = sums_bytes(&self.images, pixels);
+        let planes =
+            if bytes > 0 { reader.block(PLANES, bytes).map_err(|error| error.to_string())? } else { Vec::new() };
+        if planes.len() as u64 != bytes || !are_finite(&planes) {
+            return Err(format!("{file}: damaged: its filtered images are not those of so many pixels"));
         }
         let header = reader.header();
         self.header.nonfinite = header.nonfinite;
         self.header.milliseconds = header.milliseconds;
         self.header.device_bytes = header.device_bytes;
         self.header.devices.extend(header.devices.iter().cloned());
-        Ok(Some((kept, records)))
+        Ok(Some((kept, FilmRecords { film, planes })))
     }
 
     /// Whether a film of so many paths is to be kept now; `wanted`: somebody asks for it.
@@ -206,12 +228,10 @@ impl FilmCheckpoints {
         let began = Instant::now();
         let bytes = kept.job.request.pixels() * size_of::<FilmPixel>() as u64;
         let Some(source) = film.records() else { return Ok(()) };
-        let bytes = usize::try_from(bytes.min(source.size())).unwrap_or(usize::MAX);
-        if self.records.len() != bytes {
-            // Zeroed by the system as it is touched, not here.
-            self.records = vec![0; bytes];
+        self.transfer.take_all(source, bytes, &mut self.records.film)?;
+        if let Some(filtered) = film.filtered() {
+            self.transfer.take_all(&filtered.sums, filtered.sums.size(), &mut self.records.planes)?;
         }
-        self.transfer.take(source, 0, &mut self.records)?;
         if let Some(counters) = counters {
             let mut seen = WavefrontCounters::default();
             self.transfer.take(counters, 0, bytemuck::bytes_of_mut(&mut seen))?;
@@ -223,7 +243,7 @@ impl FilmCheckpoints {
         tracing::debug!(paths = kept.paths, seconds = copied.as_secs_f64(), "checkpoint");
         let header = self.header_of(&kept);
         self.under_way = kept.paths;
-        self.write(shared, header, EngineState::of(&kept));
+        self.write(shared, header, EngineState::of(&kept, &self.images));
         Ok(())
     }
 
@@ -305,10 +325,16 @@ impl Drop for FilmCheckpoints {
     }
 }
 
-fn write_file(path: &Path, header: &FilmHeader, state: &EngineState, records: &[u8]) -> Result<(), FilmError> {
+/// Whether these are numbers of the device: the sums of filtered images have no others.
+fn are_finite(planes: &[u8]) -> bool {
+    planes.chunks_exact(4).all(|word| bytemuck::pod_read_unaligned::<f32>(word).is_finite())
+}
+
+fn write_file(path: &Path, header: &FilmHeader, state: &EngineState, records: &FilmRecords) -> Result<(), FilmError> {
     let text = state.text().map_err(|error| FilmError::File(path.to_owned(), error))?;
     write_film(path, header, |writer| {
         writer.block(STATE, &text)?;
-        writer.block(FILM, records)
+        writer.block(FILM, &records.film)?;
+        if records.planes.is_empty() { Ok(()) } else { writer.block(PLANES, &records.planes) }
     })
 }

@@ -5,6 +5,7 @@
 use crate::frame::context::paths;
 use crate::frame::kept_samples::KeptSamples;
 use crate::job::RenderJob;
+use crate::job::aov::AovKind;
 use crate::report::error_log::ErrorHistory;
 use serde::{Deserialize, Serialize};
 
@@ -21,12 +22,22 @@ pub(super) struct EngineState {
     nonfinite: (u32, u32),
     is_told: bool,
     history: ErrorHistory,
+    /// Names of the filtered images whose sums the file has, in their order.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    images: Vec<String>,
 }
 
 impl EngineState {
-    pub(super) fn of(kept: &KeptSamples) -> Self {
+    pub(super) fn of(kept: &KeptSamples, images: &[AovKind]) -> Self {
         let KeptSamples { job: _, paths, nonfinite, history, is_told } = kept;
-        Self { version: VERSION, paths: *paths, nonfinite: *nonfinite, is_told: *is_told, history: history.clone() }
+        Self {
+            version: VERSION,
+            paths: *paths,
+            nonfinite: *nonfinite,
+            is_told: *is_told,
+            history: history.clone(),
+            images: names(images),
+        }
     }
 
     pub(super) fn text(&self) -> std::io::Result<Vec<u8>> {
@@ -37,11 +48,22 @@ impl EngineState {
         serde_json::from_slice(text)
     }
 
-    /// The samples as those of `job`, which is of the same film; else the reason why it cannot go on with them.
-    pub(super) fn kept(self, job: &RenderJob, pixels: u64) -> Result<KeptSamples, String> {
-        let Self { version, paths: have, nonfinite, is_told, history } = self;
+    /// The samples as those of `job`, which is of the same film and filters these `images`; else the reason why it
+    /// cannot go on with them.
+    pub(super) fn kept(self, job: &RenderJob, wanted: &[AovKind]) -> Result<KeptSamples, String> {
+        let Self { version, paths: have, nonfinite, is_told, history, images } = self;
+        let pixels = job.request.pixels();
         if version != VERSION {
             return Err(format!("is a checkpoint of version {version}, not {VERSION}"));
+        }
+        let wanted = names(wanted);
+        if images != wanted {
+            let list = |names: &[String]| if names.is_empty() { "none".to_owned() } else { names.join(", ") };
+            return Err(format!(
+                "has samples of other filtered images: {}, where {} are wanted",
+                list(&images.iter().map(|name| name.chars().take(32).collect()).collect::<Vec<_>>()),
+                list(&wanted)
+            ));
         }
         if have < pixels || !history.is_sound() {
             return Err("damaged: it says that it has samples that no checkpoint has".to_owned());
@@ -56,4 +78,8 @@ impl EngineState {
         }
         Ok(KeptSamples { job: job.clone(), paths: have, nonfinite, history, is_told })
     }
+}
+
+fn names(images: &[AovKind]) -> Vec<String> {
+    images.iter().map(|kind| kind.token().to_owned()).collect()
 }

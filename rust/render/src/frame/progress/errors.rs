@@ -10,6 +10,7 @@ use crate::report::error_log::RowMoment;
 use crate::sync::lock;
 use crate::wave::{LAST_SLOT, next_boundary};
 use oocpt_core::adaptive::AdaptiveUsage;
+use oocpt_core::convergence::PictureErrorSums;
 use std::time::Instant;
 
 impl FrameProgress<'_> {
@@ -70,6 +71,23 @@ impl FrameProgress<'_> {
         Ok(())
     }
 
+    /// Has the errors of the pixels add up to the told error of the picture, once the film was measured at the end.
+    pub(crate) fn scale_errors(&self, film: &Film) -> Result<(), RenderError> {
+        let measured = measure::read(film, LAST_SLOT, &self.layout)?;
+        if let Some(MeasuredError { sums, .. }) = measured {
+            self.scale_errors_by(film, &sums);
+        }
+        Ok(())
+    }
+
+    #[expect(clippy::cast_possible_truncation, reason = "a factor of an image of f32")]
+    fn scale_errors_by(&self, film: &Film, sums: &PictureErrorSums) {
+        let estimate = lock(&self.shared.stats).error.as_ref().and_then(|row| row.estimate);
+        if let Some(estimate) = estimate.filter(|_| sums.s > 0.0) {
+            film.scale_errors((estimate.rel_mse * sums.pixels / sums.s) as f32);
+        }
+    }
+
     fn error_row(&mut self, film: &Film, slot: u32, octave: Option<u32>) -> Result<(), RenderError> {
         let Some(measured) = measure::read(film, slot, &self.layout)? else { return Ok(()) };
         let streaming = lock(&self.shared.stats).streaming.clone();
@@ -87,8 +105,9 @@ impl FrameProgress<'_> {
             let MeasuredError { fewest, most, .. } = measured;
             lock(&self.shared.stats).adaptive = Some(AdaptiveUsage { fewest, most, ..usage });
         }
-        let began = Instant::now();
+        let (began, sums) = (Instant::now(), measured.sums);
         self.log.row(self.shared, measured, octave, moment);
+        self.scale_errors_by(film, &sums);
         if self.log.wants_pictures() {
             // Comparing with a reference is no part of rendering.
             self.started += began.elapsed();

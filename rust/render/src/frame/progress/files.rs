@@ -31,7 +31,7 @@ impl FrameProgress<'_> {
             self.checkpoints = Some(checkpoints);
             if let Some(kept) = kept {
                 self.lacks_planes = true;
-                self.go_on(kept);
+                self.go_on(kept, job);
             }
         }
         Ok(())

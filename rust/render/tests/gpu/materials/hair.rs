@@ -191,7 +191,7 @@ fn hair_streams_with_the_same_bits() {
     let request = front();
     let images = [false, true].map(|force_streaming| {
         let options = SessionOptions { validation: true, force_streaming, ..SessionOptions::default() };
-        let session = Session::with_options(settings(8, 3), options);
+        let session = Session::with_options(crate::support::filtering(settings(8, 3)), options);
         session.with_scene(lock);
         render(&session, &request);
         assert_eq!(session.stats().streaming.in_core, !force_streaming, "it streams when it is told to");

@@ -262,7 +262,8 @@ fn materialx_materials_stream_with_the_same_bits() {
     let request = front();
     let images = [false, true].map(|force_streaming| {
         let options = SessionOptions { validation: true, force_streaming, ..SessionOptions::default() };
-        let session = Session::with_options(settings(8, 3), options).with_images(Arc::new(Ramps));
+        let session =
+            Session::with_options(crate::support::filtering(settings(8, 3)), options).with_images(Arc::new(Ramps));
         session.with_scene(|db| {
             db.upsert_material(noisy("/noise"));
             db.upsert_material(distorted("/distorted"));

@@ -34,7 +34,8 @@ fn preview_surface_materials_stream_with_the_same_bits() {
     let request = front();
     let images = [false, true].map(|force_streaming| {
         let options = SessionOptions { validation: true, force_streaming, ..SessionOptions::default() };
-        let session = Session::with_options(settings(8, 3), options).with_images(Arc::new(Ramps));
+        let session =
+            Session::with_options(crate::support::filtering(settings(8, 3)), options).with_images(Arc::new(Ramps));
         session.with_scene(everything);
         render(&session, &request);
         assert_eq!(session.stats().streaming.in_core, !force_streaming, "it streams when it is told to");

@@ -247,6 +247,7 @@ impl<'a> Tracer<'a> {
         frame.aov.camera_depth = self.address("depth");
         frame.aov.instance_id = self.address("ids");
         frame.aov_clear.instance_id = -1;
+        frame.plane_at = oocpt_abi::PlaneOffsets::NONE;
         frame
     }
 

@@ -39,7 +39,7 @@ fn planting(faults: PlantedFaults) -> SessionOptions {
 
 /// Small chunks, so that a small scene has many.
 fn small_chunks() -> Settings {
-    Settings { chunk_size_kib: 16, ..settings(4, 3) }
+    support::filtering(Settings { chunk_size_kib: 16, ..settings(4, 3) })
 }
 
 fn request_of(scene: &Scene) -> RenderRequest {

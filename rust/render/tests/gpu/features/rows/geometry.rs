@@ -101,6 +101,21 @@ pub(crate) const ROWS: &[Row] = &[
         ..BARE
     },
     Row {
+        what: "filtered albedo",
+        features: &["SHADED_AOVS"],
+        passes: &[&["shade_aovs", "sum_planes", "resolve_planes"]],
+        buffers: &[&["image albedo", "plane_values", "plane_sums"]],
+        also: Also::Filtered,
+        ..BARE
+    },
+    Row {
+        what: "errors of pixels",
+        passes: &[&["tell_spread"]],
+        buffers: &[&["image error"]],
+        also: Also::Errors,
+        ..BARE
+    },
+    Row {
         what: "sample counts",
         passes: &[&["count_samples"]],
         buffers: &[&["image sampleCount"]],

@@ -31,6 +31,14 @@ pub(crate) const ROWS: &[Row] = &[
         ..BARE
     },
     Row {
+        what: "filtered albedo of a scene that streams",
+        features: &["STREAMING", "SHADED_AOVS"],
+        passes: &[STREAM_PASSES, &["shade_aovs", "sum_planes", "resolve_planes"]],
+        buffers: &[OF_STREAMING, &["image albedo", "plane_values", "plane_sums"]],
+        also: Also::StreamedFiltered,
+        ..BARE
+    },
+    Row {
         what: "rays that read geometry in host memory",
         features: &["STREAMING", "CHUNK_COUNTS"],
         passes: &[STREAM_PASSES],

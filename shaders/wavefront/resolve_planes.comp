@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+// Writes the filtered images so far: one thread per pixel. Reads: film (the number of samples),
+// FrameConstants::plane_sums. Writes: the planes of FrameConstants::aov that PlaneOffsets has. Adaptive: half of each
+// stream, as `resolve`. A pixel without a sample is clear.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "wavefront/wavefront.glsl"
+
+float plane_sum(uint pixel, uint word) {
+    const uint64_t sums = FRAME.plane_sums + uint64_t(pixel) * (FRAME.plane_words * PLANE_SUM_BYTES);
+    return PlaneSums(sums).v[word].sum;
+}
+
+vec3 mean_of(uint pixel, uint first) {
+    const float samples = float(ConstFilm(FRAME.film).v[pixel].samples);
+    return vec3(plane_sum(pixel, first), plane_sum(pixel, first + 1u), plane_sum(pixel, first + 2u)) / samples;
+}
+
+void write_plane(uint64_t plane, uint first, uint pixel, vec3 clear) {
+    if (first == NO_INDEX) return;
+    const uint other = FRAME.width * FRAME.height + pixel;
+    vec3 value = clear;
+    if (ConstFilm(FRAME.film).v[pixel].samples > 0u) {
+        value = mean_of(pixel, first);
+        if (HAS_ADAPTIVE && ConstFilm(FRAME.film).v[other].samples > 0u) value = 0.5 * (value + mean_of(other, first));
+    }
+    Vec3s(plane).v[pixel] = value;
+}
+
+void main() {
+    const uint pixel = thread_index();
+    if (pixel >= FRAME.width * FRAME.height) return;
+    const PlaneOffsets at = FRAME.plane_at;
+    const AovClear clear = FRAME.aov_clear;
+    write_plane(FRAME.aov.normal, at.normal, pixel, clear.normal);
+    write_plane(FRAME.aov.neye, at.neye, pixel, clear.neye);
+    write_plane(FRAME.aov.albedo, at.albedo, pixel, clear.albedo);
+    write_plane(FRAME.aov.position, at.position, pixel, clear.position);
+    write_plane(FRAME.aov.peye, at.peye, pixel, clear.peye);
+    write_plane(FRAME.aov.geometric_normal, at.geometric_normal, pixel, clear.geometric_normal);
+}
