@@ -17,7 +17,7 @@ fn camera(position: DVec3) -> DicingCamera {
 }
 
 /// A camera that sees half as much at a `zoom` of 2, in so many pixels.
-fn camera_with(world_from_view: DMat4, zoom: f64, pixels: u16) -> DicingCamera {
+pub(super) fn camera_with(world_from_view: DMat4, zoom: f64, pixels: u16) -> DicingCamera {
     let [x, y] = [DVec4::X * zoom, DVec4::Y * zoom];
     let projection = DMat4::from_cols(x, y, DVec4::new(0.0, 0.0, -1.0, -1.0), DVec4::Z * -0.2);
     let camera = Camera {
@@ -197,7 +197,7 @@ fn dicing_ends_on_recursive_prototypes() {
 }
 
 /// Commits as a live view sees the scene; gives how many meshes were built for it.
-fn look(db: &mut SceneDb, camera: DicingCamera) -> u64 {
+pub(super) fn look(db: &mut SceneDb, camera: DicingCamera) -> u64 {
     let before = db.meshes_made();
     db.set_dicing(camera.live(true));
     db.commit();
