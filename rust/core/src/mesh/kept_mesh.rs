@@ -145,7 +145,14 @@ impl KeptMesh {
     /// Stands for a mesh that is not built; `reason` is shown to the user.
     pub(crate) fn left_out(reason: String) -> Self {
         let notes = vec![reason];
-        Self { asset: None, clusters: Vec::new(), dropped: DroppedData::default(), notes, is_left_out: true, patches: None }
+        Self {
+            asset: None,
+            clusters: Vec::new(),
+            dropped: DroppedData::default(),
+            notes,
+            is_left_out: true,
+            patches: None,
+        }
     }
 
     /// The mesh under `key` in the files, if it is complete. Fails if its entry contradicts itself.

@@ -95,7 +95,13 @@ impl PatchElements<'_> {
 impl PatchDesc {
     /// Patch `number` of `desc`. Faces farther away than `ring` become holes: they only shape the surface of others.
     /// `None` if the arrays are not those that the patches were made for.
-    pub(super) fn take(desc: &MeshDesc, demand: &BuildDemand<'_>, all: &MeshPatches, number: usize, ring: u8) -> Option<Self> {
+    pub(super) fn take(
+        desc: &MeshDesc,
+        demand: &BuildDemand<'_>,
+        all: &MeshPatches,
+        number: usize,
+        ring: u8,
+    ) -> Option<Self> {
         let patch = all.patches.get(number)?;
         let chosen = patch.faces.iter().zip(&patch.rings).filter(|(_, at)| **at <= ring + 1);
         let (faces, rings): (Vec<u32>, Vec<u8>) = chosen.unzip();
@@ -180,7 +186,8 @@ pub(super) fn has_plain_values(desc: &MeshDesc, demand: &BuildDemand<'_>) -> boo
             return primvar.values.len() == length;
         };
         let view = indices.view();
-        let is_there = |at| view.index(at).and_then(|at| usize::try_from(at).ok()).is_some_and(|at| at < primvar.values.len());
+        let is_there =
+            |at| view.index(at).and_then(|at| usize::try_from(at).ok()).is_some_and(|at| at < primvar.values.len());
         view.element() == ElementType::I32 && view.len() == length && (0..length).all(is_there)
     };
     let own = [&desc.normals, &desc.display_color, &desc.display_opacity].into_iter().flatten();

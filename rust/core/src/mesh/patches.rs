@@ -240,9 +240,7 @@ fn halves(faces: &mut [FaceCenter], parts: usize) -> Vec<&mut [FaceCenter]> {
     let axis = longest_axis(&bounds);
     let left = parts / 2;
     let middle = faces.len() * left / parts;
-    faces.select_nth_unstable_by(middle, |a, b| {
-        a.place()[axis].total_cmp(&b.place()[axis]).then(a.face.cmp(&b.face))
-    });
+    faces.select_nth_unstable_by(middle, |a, b| a.place()[axis].total_cmp(&b.place()[axis]).then(a.face.cmp(&b.face)));
     let (low, high) = faces.split_at_mut(middle);
     let (mut all, more) = rayon::join(|| halves(low, left), || halves(high, parts - left));
     all.extend(more);

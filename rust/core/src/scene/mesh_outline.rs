@@ -70,7 +70,12 @@ impl BoundingSphere {
     }
 
     pub(super) fn is_near(&self, from: DVec3) -> bool {
-        self.center.distance(from) < 2.0 * self.radius
+        self.is_within(2.0, from)
+    }
+
+    /// Returns true if its middle is not so many radii away.
+    pub(super) fn is_within(&self, radii: f64, from: DVec3) -> bool {
+        self.center.distance(from) < radii * self.radius
     }
 }
 

@@ -78,28 +78,38 @@ fn mesh(side: u32, subdivision: Subdivision, random: &mut Random) -> MeshDesc {
     let mut some = |end: usize, of: usize| -> Vec<i32> {
         (0..of).map(|_| i32::try_from(random.below(end as u64)).unwrap()).collect()
     };
-    let creases: Vec<i32> = some(corners.len() - 1, count / 8).iter().flat_map(|&at| {
-        let at = at as usize;
-        if corners[at] == corners[at + 1] { [corners[0], corners[1]] } else { [corners[at], corners[at + 1]] }
-    }).collect();
+    let creases: Vec<i32> = some(corners.len() - 1, count / 8)
+        .iter()
+        .flat_map(|&at| {
+            let at = at as usize;
+            if corners[at] == corners[at + 1] { [corners[0], corners[1]] } else { [corners[at], corners[at + 1]] }
+        })
+        .collect();
     let values = |values, interpolation| Primvar { interpolation, values, indices: None };
     MeshDesc {
         subdivision,
         subdivision_tags: SubdivisionTags {
             crease_lengths: Some(TypedArray::of(vec![2_i32; creases.len() / 2])),
-            crease_sharpnesses: Some(TypedArray::of((0..creases.len() / 2).map(|k| [0.5, 2.0, 10.0][k % 3]).collect::<Vec<f32>>())),
+            crease_sharpnesses: Some(TypedArray::of(
+                (0..creases.len() / 2).map(|k| [0.5, 2.0, 10.0][k % 3]).collect::<Vec<f32>>(),
+            )),
             crease_indices: Some(TypedArray::of(creases)),
             corner_sharpnesses: Some(TypedArray::of(vec![3.0_f32; 5])),
             corner_indices: Some(TypedArray::of(some(points.len(), 5))),
             ..SubdivisionTags::default()
         },
         hole_indices: Some(TypedArray::of(some(count, count / 20))),
-        subsets: (0..2).map(|_| SubsetDesc { path: "/s".into(), material: None, faces: TypedArray::of(some(count, count / 3)) }).collect(),
+        subsets: (0..2)
+            .map(|_| SubsetDesc { path: "/s".into(), material: None, faces: TypedArray::of(some(count, count / 3)) })
+            .collect(),
         face_vertex_counts: TypedArray::of(counts),
         face_vertex_indices: TypedArray::of::<i32>(corners),
         points: TypedArray::of(points),
         display_color: Some(values(TypedArray::of(colors), Interpolation::Uniform)),
-        primvars: vec![NamedPrimvar { name: "st".into(), primvar: values(TypedArray::of(st), Interpolation::FaceVarying) }],
+        primvars: vec![NamedPrimvar {
+            name: "st".into(),
+            primvar: values(TypedArray::of(st), Interpolation::FaceVarying),
+        }],
         ..MeshDesc::default()
     }
 }
@@ -133,7 +143,8 @@ fn built(desc: &MeshDesc, demand: &BuildDemand<'_>, parts: usize) -> Vec<SeenTri
     assert_eq!(all.patches.len(), parts);
     let pieces = |a: DVec3, b: DVec3| {
         let bits = (a + b).to_array().map(f64::to_bits);
-        let mixed = bits.iter().fold(1_u64, |sum, bits| (sum ^ bits).wrapping_mul(0x9E37_79B9_7F4A_7C15).rotate_left(29));
+        let mixed =
+            bits.iter().fold(1_u64, |sum, bits| (sum ^ bits).wrapping_mul(0x9E37_79B9_7F4A_7C15).rotate_left(29));
         [1, 2, 3, 5, 1, 8][(mixed >> 13) as usize % 6]
     };
     let wanted: Vec<Vec<u16>> = (0..parts).map(|patch| all.own_edges(desc, patch, pieces)).collect();
@@ -171,7 +182,8 @@ fn cracks(desc: &MeshDesc, seen: &[SeenTriangle]) -> usize {
     let firsts = firsts(desc).expect("faces");
     let mut around: BTreeMap<[i32; 2], Vec<u32>> = BTreeMap::new();
     for (face, range) in (0_u32..).zip(firsts.windows(2)) {
-        let points: Vec<i32> = (range[0]..range[1]).filter_map(|at| desc.face_vertex_indices.index(at as usize)).collect();
+        let points: Vec<i32> =
+            (range[0]..range[1]).filter_map(|at| desc.face_vertex_indices.index(at as usize)).collect();
         for k in 0..points.len() {
             let mut ends = [points[k], points[(k + 1) % points.len()]];
             ends.sort_unstable();
@@ -187,12 +199,8 @@ fn cracks(desc: &MeshDesc, seen: &[SeenTriangle]) -> usize {
 fn displaced() -> Vec<Option<Arc<Displacement>>> {
     let amount = InputValue::Primvar { slot: 0, fallback: [0.0; 4] };
     let by_primvar = PreviewDisplacement { amount, texture: None, uv: None, primvar: Some("height".into()) };
-    let constant = PreviewDisplacement {
-        amount: InputValue::Constant([0.3; 4]),
-        texture: None,
-        uv: None,
-        primvar: None,
-    };
+    let constant =
+        PreviewDisplacement { amount: InputValue::Constant([0.3; 4]), texture: None, uv: None, primvar: None };
     let all = [Some(by_primvar), None, Some(constant)];
     all.into_iter().map(|preview| preview.map(|preview| Arc::new(Displacement::Preview(preview)))).collect()
 }

@@ -21,8 +21,8 @@ use rustc_hash::{FxHashMap, FxHashSet};
 pub use camera::DicingCamera;
 use camera::DicingDensity;
 use found::SurfaceDensity;
-pub(crate) use patch_cuts::{PatchCuts, SurfaceCut};
 use patch_cuts::PatchDensities;
+pub(crate) use patch_cuts::{PatchCuts, SurfaceCut};
 
 use super::entries::{InstancerEntry, MeshEntry};
 use super::mesh_outline::{BoundingSphere, stretch};
@@ -38,6 +38,9 @@ use crate::mesh::{Aabb, BuildDemand, DicingRate, MIN_PATCHED_FACES};
 const MAX_NEAR: usize = 8;
 /// Near placements that are gone into in all: each reads the instances below it.
 const MAX_VISITS: usize = 64;
+
+/// A surface that a live view has in patches stays in them up to so many of its radii away.
+const LEAVING_PATCHES: f64 = 3.0;
 
 /// How finely each of the `reachable` subdivision surfaces is cut, by path.
 pub(crate) fn dice(
@@ -198,7 +201,8 @@ impl<'a> DicingTraversal<'a> {
             return;
         }
         let found = self.patches.entry(path.clone()).or_default();
-        match entry.patches().filter(|_| placed.is_near(camera.position)) {
+        let radii = if camera.is_live && entry.cuts.is_some() { LEAVING_PATCHES } else { 2.0 };
+        match entry.patches().filter(|_| placed.is_within(radii, camera.position)) {
             Some(patches) => found.see(camera, patches, ball.radius, map),
             None => {
                 let distance = placed.distance(camera.position);
@@ -275,7 +279,7 @@ impl<'a> DicingTraversal<'a> {
         for (path, _, map) in self.surfaces(id) {
             let density = density.stretched(stretch(&map));
             self.found.entry(path.clone()).or_default().cover(density);
-            self.patches.entry(path.clone()).or_default().cover(density);
+            self.patches.entry(path.clone()).or_default().scatter();
         }
         for (entry, before) in self.instancers(id) {
             for prototype in &entry.desc.prototypes {

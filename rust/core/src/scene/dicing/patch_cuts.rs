@@ -77,6 +77,8 @@ pub(super) struct PatchDensities {
     near: Vec<SurfaceDensity>,
     /// What the other placements need of all patches.
     far: DicingDensity,
+    /// Some placements have not been gone into: there are many, and each would place every patch.
+    is_scattered: bool,
 }
 
 impl PatchDensities {
@@ -95,9 +97,15 @@ impl PatchDensities {
         self.far = self.far.max(density);
     }
 
+    /// There are placements that are not gone into.
+    pub(super) fn scatter(&mut self) {
+        self.is_scattered = true;
+    }
+
     /// Adds what was found of a surface with the same content.
     pub(super) fn add(&mut self, other: Self) {
         self.cover(other.far);
+        self.is_scattered |= other.is_scattered;
         self.all = self.all.take().or(other.all);
         if self.near.is_empty() {
             self.near = other.near;
@@ -107,9 +115,14 @@ impl PatchDensities {
     }
 
     /// How the patches are cut, where they were cut as `kept` in a live view; `None` if the surface is cut as a whole:
-    /// where it is near nowhere, or has few triangles and was not in patches before.
-    pub(super) fn cut(&self, camera: &DicingCamera, entry: &MeshEntry, kept: Option<&Arc<PatchCuts>>) -> Option<Arc<PatchCuts>> {
-        let all = self.all.as_ref()?;
+    /// where it is near nowhere, has many placements, or has few triangles and was not in patches before.
+    pub(super) fn cut(
+        &self,
+        camera: &DicingCamera,
+        entry: &MeshEntry,
+        kept: Option<&Arc<PatchCuts>>,
+    ) -> Option<Arc<PatchCuts>> {
+        let all = self.all.as_ref().filter(|_| !self.is_scattered)?;
         let displaces = entry.demand().displaces(&entry.desc);
         let kept_of = |number: usize| kept.and_then(|kept| kept.dicing.get(number));
         let rate = |(number, found): (usize, &SurfaceDensity)| {

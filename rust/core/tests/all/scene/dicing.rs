@@ -116,7 +116,13 @@ fn prims_with_equal_content_share_one_diced_mesh() {
 }
 
 /// `/i` has instances at `places` with the scale `scale`; each is the cube.
-fn instancer(path: &str, root: &str, places: &[[f32; 3]], scale: f32, by: Vec<InstancedBy>) -> InstancerDesc {
+pub(super) fn instancer(
+    path: &str,
+    root: &str,
+    places: &[[f32; 3]],
+    scale: f32,
+    by: Vec<InstancedBy>,
+) -> InstancerDesc {
     let indices: Vec<i32> = (0..i32::try_from(places.len()).expect("few")).collect();
     InstancerDesc {
         prim: PrimDesc { path: path.into(), instanced_by: by, ..PrimDesc::default() },
@@ -127,7 +133,7 @@ fn instancer(path: &str, root: &str, places: &[[f32; 3]], scale: f32, by: Vec<In
     }
 }
 
-fn by(instancer: &str, root: &str) -> Vec<InstancedBy> {
+pub(super) fn by(instancer: &str, root: &str) -> Vec<InstancedBy> {
     vec![InstancedBy { instancer: instancer.into(), prototype_root: root.into() }]
 }
 

@@ -2,13 +2,13 @@
 //! Large surfaces near the camera, which are refined patch by patch: seen as one mesh, without a crack, and refined
 //! again only where rates change.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use glam::{DMat4, DVec3, Vec3};
 use oocpt_core::{Interpolation, MeshDesc, PrimDesc, SceneDb, Snapshot, Subdivision, TypedArray};
 
-use super::dicing::{camera_with, look};
+use super::dicing::{by, camera_with, instancer, look};
 use crate::mesh::displace::{Files, st, textured};
 use crate::support::asset;
 
@@ -87,10 +87,27 @@ fn a_near_surface_in_patches_is_one_mesh_without_cracks() {
     assert_eq!((db.meshes_made(), commit.snapshot.counts.meshes), (PATCHES, 1), "patches made, meshes seen");
     assert_eq!(cracks(&commit.snapshot), (0, 0), "open edges, and places with two normals");
     let faces = commit.snapshot.meshes.iter().flat_map(|mesh| asset(mesh).triangles.clone()).map(|t| t.face);
-    let faces: std::collections::BTreeSet<u32> = faces.collect();
+    let faces: BTreeSet<u32> = faces.collect();
     assert!(faces.into_iter().eq(0..u32::try_from(SIDE * SIDE).expect("few")), "authored numbers, every face once");
     db.set_dicing(view(DVec3::new(0.0, 0.0, 2000.0), 0.0));
     assert_eq!(db.commit().snapshot.meshes.len(), 1, "far away it is refined as a whole");
+}
+
+#[test]
+fn what_is_scattered_stays_whole() {
+    let made = |places: &[[f32; 3]]| {
+        let mut db = SceneDb::new();
+        let mesh = terrain(Subdivision::CatmullClark);
+        let prim = PrimDesc { path: "/i/p/m".into(), instanced_by: by("/i", "/i/p"), ..PrimDesc::default() };
+        db.upsert_mesh(MeshDesc { prim, ..mesh });
+        db.upsert_instancer(instancer("/i", "/i/p", places, 1.0, Vec::new()));
+        commit(&mut db);
+        db.meshes_made()
+    };
+    let near = [[0.0; 3], [10.0, -30.0, 0.0]];
+    let far: Vec<[f32; 3]> = (0..20_u8).map(|k| [0.0, 0.0, -1000.0 - 500.0 * f32::from(k)]).collect();
+    assert_eq!(made(&near), PATCHES, "near placements share their patches");
+    assert_eq!(made(&[&near[..], &far].concat()), 1, "many placements would place each patch");
 }
 
 /// The level of a texture follows from each face alone: patches beside each other agree about it.
@@ -127,7 +144,7 @@ fn a_step_of_a_live_view_refines_some_patches() {
     // A final picture is a function of scene and camera.
     let mut alone = SceneDb::new();
     alone.upsert_mesh(terrain(Subdivision::CatmullClark));
-    let keys = |snapshot: &Snapshot| snapshot.meshes.iter().map(|mesh| mesh.key).collect::<std::collections::BTreeSet<u128>>();
+    let keys = |snapshot: &Snapshot| snapshot.meshes.iter().map(|mesh| mesh.key).collect::<BTreeSet<u128>>();
     assert_eq!(keys(&commit(&mut db)), keys(&commit(&mut alone)), "after a live view, and alone");
     let again = db.meshes_made();
     db.set_dicing(view(near(), 0.0));

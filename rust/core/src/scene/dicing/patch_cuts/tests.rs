@@ -70,7 +70,12 @@ fn terrain(side: i32) -> MeshEntry {
 }
 
 /// How the terrain is cut in `camera`, at some places.
-fn cut_at(entry: &MeshEntry, camera: &DicingCamera, maps: &[DAffine3], kept: Option<&Arc<PatchCuts>>) -> Arc<PatchCuts> {
+fn cut_at(
+    entry: &MeshEntry,
+    camera: &DicingCamera,
+    maps: &[DAffine3],
+    kept: Option<&Arc<PatchCuts>>,
+) -> Arc<PatchCuts> {
     let mut found = PatchDensities::default();
     for map in maps {
         found.see(camera, entry.patches().expect("patches"), entry.outline().ball.radius, map);
@@ -104,8 +109,7 @@ fn pieces_in_picture(entry: &MeshEntry, cuts: &PatchCuts, eye: DVec3, clip_from_
         let place = points.vec3(usize::try_from(point).ok()?)?;
         let clip = *clip_from_world * place.extend(1.0);
         let seen = clip.xy() / clip.w;
-        (clip.w > 0.0 && seen.abs().max_element() <= 1.0)
-            .then_some([0.5 * SIZE[0] * seen.x, 0.5 * SIZE[1] * seen.y])
+        (clip.w > 0.0 && seen.abs().max_element() <= 1.0).then_some([0.5 * SIZE[0] * seen.x, 0.5 * SIZE[1] * seen.y])
     };
     let place = |point: i32| usize::try_from(point).ok().and_then(|point| points.vec3(point)).expect("a point") - eye;
     let [mut lengths, mut angles] = [Vec::new(), Vec::new()];
