@@ -3,8 +3,9 @@
 //!
 //! Stages: [`build`] runs `topology` (check, holes), `refine` (limit surfaces, cut as [`DicingRate`] says, moved by
 //! `displace` as far as a `relief` says), `triangulate`, `primvar` and `normals`, [`bvh`] and [`bvh4`]; `split` cuts
-//! large meshes into clusters; `key` is the content hash. A snapshot has [`SceneMesh`]es: a `summary` of each asset,
-//! and the asset where `store` and `payload` have put it. Pure functions; called from rayon workers during a commit.
+//! large meshes into clusters, `patches` large control meshes before they are refined; `key` is the content hash. A
+//! snapshot has [`SceneMesh`]es: a `summary` of each asset, and the asset where `store` and `payload` have put it. Pure
+//! functions; called from rayon workers during a commit.
 
 mod attribute;
 pub mod build;

@@ -188,6 +188,8 @@ fn a_walk_refines_what_comes_near_and_nothing_else() {
     assert!(all > patches, "{all} of {patches} patches refined again on a kilometre");
     assert!(all < 20 * patches, "{all} of {patches} patches refined again in 125 steps");
     assert!(most <= patches / 2, "{most} of {patches} patches refined again in one step");
+    let triangles = cuts.all.expected_triangles(&cuts.rates);
+    assert!(triangles < patches as u64 * MAX_LIVE_PATCH, "{triangles} triangles in {patches} patches");
     assert!(far * 3 < all, "{far} of {all} are far away");
 }
 
