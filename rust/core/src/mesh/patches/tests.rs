@@ -8,8 +8,8 @@ use super::*;
 use crate::array::TypedArray;
 use crate::desc::{Interpolation, NamedPrimvar, Primvar, SubdivisionTags, SubsetDesc};
 use crate::material::{Displacement, InputValue, PreviewDisplacement};
-use crate::mesh::build::{ClusterLimits, build_patch_into};
-use crate::mesh::{AnyAttribute, MeshAsset, MeshPatch, WantedPrimvar};
+use crate::mesh::build::{ClusterLimits, build_mesh_into, build_patch_into};
+use crate::mesh::{AnyAttribute, CameraEye, DicingRate, EdgeRates, MeshAsset, MeshPatch, WantedPrimvar};
 
 /// The number that tests give the primvar `st`.
 const ST: u32 = 7;
@@ -137,23 +137,38 @@ fn triangles(asset: &MeshAsset) -> Vec<SeenTriangle> {
     asset.triangles.iter().enumerate().map(seen).collect()
 }
 
-/// What is made of `desc` in so many parts, sorted; its edges have pieces that depend on them alone.
-fn built(desc: &MeshDesc, demand: &BuildDemand<'_>, parts: usize) -> Vec<SeenTriangle> {
+const LIMITS: ClusterLimits = ClusterLimits { limit_bytes: u64::MAX, cluster_bytes: u64::MAX, at_once: 1 };
+
+/// What is made of `desc` as a whole mesh, sorted.
+fn built_at_once(desc: &MeshDesc, demand: &BuildDemand<'_>) -> Vec<SeenTriangle> {
+    let built = build_mesh_into(desc, demand, 0, LIMITS, &mut |_| panic!("nothing is split"));
+    let mut seen = triangles(&built.asset.expect("triangles"));
+    seen.sort();
+    seen
+}
+
+/// A number of pieces that depends on the ends of an edge alone.
+fn random_pieces(a: DVec3, b: DVec3) -> u16 {
+    let bits = (a + b).to_array().map(f64::to_bits);
+    let mixed = bits.iter().fold(1_u64, |sum, bits| (sum ^ bits).wrapping_mul(0x9E37_79B9_7F4A_7C15).rotate_left(29));
+    [1, 2, 3, 5, 1, 8][(mixed >> 13) as usize % 6]
+}
+
+/// What is made of `desc` in so many parts, sorted.
+fn built(
+    desc: &MeshDesc,
+    demand: &BuildDemand<'_>,
+    parts: usize,
+    pieces: impl Fn(DVec3, DVec3) -> u16,
+) -> Vec<SeenTriangle> {
     let all = Arc::new(MeshPatches::in_parts(desc, demand, parts).expect("patches"));
     assert_eq!(all.patches.len(), parts);
-    let pieces = |a: DVec3, b: DVec3| {
-        let bits = (a + b).to_array().map(f64::to_bits);
-        let mixed =
-            bits.iter().fold(1_u64, |sum, bits| (sum ^ bits).wrapping_mul(0x9E37_79B9_7F4A_7C15).rotate_left(29));
-        [1, 2, 3, 5, 1, 8][(mixed >> 13) as usize % 6]
-    };
-    let wanted: Vec<Vec<u16>> = (0..parts).map(|patch| all.own_edges(desc, patch, pieces)).collect();
+    let wanted: Vec<Vec<u16>> = (0..parts).map(|patch| all.own_edges(desc, patch, &pieces)).collect();
     let rates = all.rates(&wanted);
     let mut seen = Vec::new();
     for number in 0..parts {
         let patch = MeshPatch::new(&all, number, demand.displaces(desc), &rates);
-        let limits = ClusterLimits { limit_bytes: u64::MAX, cluster_bytes: u64::MAX, at_once: 1 };
-        let built = build_patch_into((desc, &patch), demand, 0, limits, &mut |_| panic!("nothing is split"));
+        let built = build_patch_into((desc, &patch), demand, 0, LIMITS, &mut |_| panic!("nothing is split"));
         assert_eq!(built.dropped.unrefined_meshes, 0);
         let asset = built.asset.expect("triangles");
         asset.bvh.validate(&asset.triangles, asset.kind).expect("a tree");
@@ -213,15 +228,39 @@ fn is_the_same_in_patches(subdivision: Subdivision, displacements: &[Option<Arc<
     let primvar = Primvar { interpolation: Interpolation::Vertex, values, indices: None };
     desc.primvars.push(NamedPrimvar { name: "height".into(), primvar });
     let wanted = [WantedPrimvar { name: "st".into(), id: ST }];
-    let dicing = crate::mesh::DicingRate { pixels: 1.0, ..Default::default() };
+    let dicing = DicingRate { pixels: 1.0, ..DicingRate::default() };
     let demand = BuildDemand { wanted: &wanted, dicing: Some(&dicing), displacements, ..BuildDemand::default() };
-    let whole = built(&desc, &demand, 1);
+    let whole = built(&desc, &demand, 1, random_pieces);
     assert!(whole.len() > 5000, "{} triangles", whole.len());
     assert_eq!(cracks(&desc, &whole), 0, "cracks of a mesh that is refined at once, seed {seed}");
     for parts in [2, 9, 23] {
-        let patched = built(&desc, &demand, parts);
+        let patched = built(&desc, &demand, parts, random_pieces);
         assert_eq!(cracks(&desc, &patched), 0, "cracks in {parts} parts, {subdivision:?}, seed {seed}");
         assert!(patched == whole, "{parts} parts are other triangles, {subdivision:?}, seed {seed}");
+    }
+}
+
+/// A mesh that was never taken apart. Flat faces of six corners are cut with other diagonals.
+fn is_the_same_at_once(subdivision: Subdivision, displacements: &[Option<Arc<Displacement>>], seed: u64) {
+    let desc = mesh(24, subdivision, &mut Random(seed));
+    let wanted = [WantedPrimvar { name: "st".into(), id: ST }];
+    let eye = CameraEye { position: DVec3::new(5.0, 3.0, 4.0), nearest: 0.1 };
+    let dicing = DicingRate { pixels: 1.0, density: 1.5, focal: 12.0, eyes: vec![eye], ..DicingRate::default() };
+    let demand = BuildDemand { wanted: &wanted, dicing: Some(&dicing), displacements, ..BuildDemand::default() };
+    let edges = EdgeRates::new(&desc, &dicing, demand.displaces(&desc));
+    let whole = built_at_once(&desc, &demand);
+    let patched = built(&desc, &demand, 7, |a, b| u16::try_from(edges.pieces(a, b)).unwrap());
+    // Borders of blocks would be elsewhere.
+    assert!((5000..1 << 14).contains(&whole.len()), "{} triangles", whole.len());
+    assert!(whole == patched, "patches are other triangles, {subdivision:?}, seed {seed}");
+}
+
+#[test]
+fn patches_are_what_a_whole_mesh_is_made_to() {
+    for seed in 11..14 {
+        is_the_same_at_once(Subdivision::CatmullClark, &[], seed);
+        is_the_same_at_once(Subdivision::Loop, &[], seed);
+        is_the_same_at_once(Subdivision::CatmullClark, &displaced(), seed);
     }
 }
 

@@ -153,6 +153,13 @@ fn a_large_terrain_seen_from_its_edge_gets_what_was_asked() {
     assert!(long <= 2.4 && above * 100 < lengths.len(), "{above} pieces are longer in the picture, up to {long}");
     // Most edges are seen at a flat angle.
     assert!(median >= 0.1, "pieces of {median} pixels are finer than anybody sees");
+    // At the border of two patches the larger number counts.
+    let surface = CutSurface { all: &cuts.all, entry: &entry, displaces: true, dicing: &cuts.dicing };
+    for (patch, edges) in surface.patches().collect::<Vec<(usize, EdgeRates<'_>)>>() {
+        let wanted = cuts.all.own_edges(&entry.desc, patch, |a, b| small(edges.pieces(a, b)));
+        let own = cuts.all.rates_at(patch, 0, &cuts.rates);
+        assert!(own.iter().zip(wanted).all(|(own, wanted)| *own >= wanted), "patch {patch} has less than it needs");
+    }
     // Cut by the place of the camera alone, as a whole, it would be too large.
     let mut whole = SurfaceDensity::default();
     let ball = entry.outline().ball;
