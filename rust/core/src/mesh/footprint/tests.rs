@@ -46,7 +46,7 @@ const CASES: &[Case] = &[
     Case { name: "subdivided", desc: || surface(64, 3), limit: WHOLE, at_once: 1, is_cut: false, patch: 0 },
     Case { name: "subdivided coarsely", desc: || surface(300, 0), limit: WHOLE, at_once: 1, is_cut: false, patch: 0 },
     Case { name: "patch", desc: || surface(64, 0), limit: WHOLE, at_once: 1, is_cut: false, patch: 12 },
-    Case { name: "patch, split", desc: || surface(64, 0), limit: SPLIT / 8, at_once: 1, is_cut: true, patch: 16 },
+    Case { name: "patch, cut out", desc: || surface(64, 0), limit: WHOLE, at_once: 1, is_cut: true, patch: 8 },
     Case { name: "points", desc: points, limit: WHOLE, at_once: 1, is_cut: false, patch: 0 },
     Case { name: "points, split", desc: points, limit: SPLIT / 8, at_once: 2, is_cut: false, patch: 0 },
     Case { name: "curves", desc: || curves(CurveBasis::BSpline), limit: WHOLE, at_once: 1, is_cut: false, patch: 0 },
