@@ -274,8 +274,8 @@ impl LimitSurface {
         self.tessellate_in_blocks(rates, data, BLOCK_FACETS)
     }
 
-    /// As [`Self::tessellate`], as one block, on the caller's thread: the vertices at a place depend on the faces around
-    /// it alone, so two meshes that have these faces in the same order agree about them, bit for bit.
+    /// As [`Self::tessellate`], as one block, on the caller's thread: the vertices at a place depend on the faces
+    /// around it alone, so two meshes that have these faces in the same order agree about them, bit for bit.
     ///
     /// # Errors
     /// As [`Self::tessellate`].

@@ -29,7 +29,7 @@ impl Random {
     }
 }
 
-/// A bumpy grid of `side` squared quads. Some are cut into triangles, some pairs are hexagons; fins stand on some edges,
+/// A bumpy grid of `side` squared quads. Some are cut into triangles, some pairs are hexagons; some edges have fins,
 /// so that three faces meet there.
 fn faces(side: u32, is_loop: bool, random: &mut Random) -> (Vec<i32>, Vec<i32>) {
     let point = |x: u32, y: u32| (y * (side + 1) + x).cast_signed();

@@ -91,8 +91,8 @@ impl SurfaceDensity {
         self.forget();
     }
 
-    /// A placement of a patch: `ball` in the world, `radius` in the surface's own frame; `whole` is the radius of all of
-    /// the surface.
+    /// A placement of a patch: `ball` in the world, `radius` in the surface's own frame; `whole` is the radius of all
+    /// of the surface.
     pub(super) fn see_patch(
         &mut self,
         camera: &DicingCamera,

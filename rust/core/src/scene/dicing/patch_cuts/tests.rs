@@ -101,8 +101,8 @@ fn changed(before: &PatchCuts, after: &PatchCuts) -> usize {
     contents(before).iter().zip(contents(after)).filter(|(before, after)| *before != after).count()
 }
 
-/// Lengths of the pieces of all edges that are in the picture, sorted: in pixels, and in pixels as they are in the middle
-/// of the picture, where all are as large as the angle that they are seen at.
+/// Lengths of the pieces of all edges that are in the picture, sorted: in pixels, and in pixels as they are in the
+/// middle of the picture, where all are as large as the angle that they are seen at.
 fn pieces_in_picture(entry: &MeshEntry, cuts: &PatchCuts, eye: DVec3, clip_from_world: &DMat4) -> [Vec<f64>; 2] {
     let points = entry.desc.points.view();
     let pixel = |point: i32| {
