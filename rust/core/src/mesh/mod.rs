@@ -36,6 +36,7 @@ mod patch_desc;
 mod patches;
 mod pattern_relief;
 mod payload;
+mod plain_values;
 mod pose;
 mod preview_relief;
 mod primvar;

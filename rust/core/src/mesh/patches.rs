@@ -14,7 +14,7 @@ use rustc_hash::FxHashMap;
 use super::Aabb;
 use super::bvh::longest_axis;
 use super::demand::BuildDemand;
-use super::patch_desc::has_plain_values;
+use super::plain_values::has_plain_values;
 use super::triangulate::MAX_FACE_CORNERS;
 use crate::array::{ArrayView, ElementType};
 use crate::desc::{MeshDesc, PrimShape, Subdivision};

@@ -3,9 +3,9 @@
 
 use std::sync::{Arc, OnceLock};
 
-use super::dicing::{PatchCuts, SurfaceCut};
 use super::linking::LinkClasses;
 use super::mesh_outline::MeshOutline;
+use super::surface_cut::{PatchCuts, SurfaceCut};
 use crate::array::ArrayView;
 use crate::desc::DroppedData;
 use crate::desc::{InstancerDesc, MeshDesc};

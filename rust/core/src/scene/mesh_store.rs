@@ -10,8 +10,8 @@ use xxhash_rust::xxh3::Xxh3;
 
 use super::admission::run_within;
 use super::cover_store::CoverStore;
-use super::dicing::SurfaceCut;
 use super::entries::MeshEntry;
+use super::surface_cut::SurfaceCut;
 use crate::mesh::{
     BuildDemand, BuildFootprint, BuildGrant, CutoutCover, KeptMesh, MeshPatch, MeshRecipe, MeshStorage, SceneMesh,
     SlotCovers, mesh_key_with, too_large,

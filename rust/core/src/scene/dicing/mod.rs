@@ -22,11 +22,11 @@ pub use camera::DicingCamera;
 use camera::DicingDensity;
 use found::SurfaceDensity;
 use patch_cuts::PatchDensities;
-pub(crate) use patch_cuts::{PatchCuts, SurfaceCut};
 
 use super::entries::{InstancerEntry, MeshEntry};
 use super::mesh_outline::{BoundingSphere, stretch};
 use super::resolve::{MAX_NESTING, PrimHierarchy, ScenePrims};
+use super::surface_cut::SurfaceCut;
 use crate::array::ElementType;
 use crate::desc::{InstancedBy, InstancerPrototype};
 use crate::instancing::GroupId;
@@ -104,7 +104,7 @@ fn share(
         let (found, patches) = shared.get(&content)?;
         let kept = kept.get(&content).copied().filter(|_| camera.is_live);
         let cut = match patches.cut(camera, entry, kept.and_then(|kept| kept.cuts.as_ref())) {
-            Some(patches) => SurfaceCut::of_patches(camera, patches),
+            Some(patches) => SurfaceCut::of_patches(camera.pixels, patches),
             None => {
                 let kept = kept.filter(|kept| kept.cuts.is_none()).map(|kept| &kept.dicing);
                 let dicing = if camera.is_live { found.live_dicing(camera, kept) } else { found.dicing(camera) };

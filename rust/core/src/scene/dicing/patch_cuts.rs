@@ -14,9 +14,10 @@ use rayon::prelude::*;
 use super::DicingCamera;
 use super::camera::DicingDensity;
 use super::found::SurfaceDensity;
-use crate::mesh::{DicingRate, EdgeRates, MAX_REFINED_TRIANGLES, MeshPatch, MeshPatches};
+use crate::mesh::{DicingRate, EdgeRates, MAX_REFINED_TRIANGLES, MeshPatches};
 use crate::scene::entries::MeshEntry;
 use crate::scene::mesh_outline::BoundingSphere;
+use crate::scene::surface_cut::PatchCuts;
 
 /// Triangles of a surface up to which it is refined as a whole: it is soon done, and one mesh.
 const MAX_WHOLE: u64 = 1 << 18;
@@ -28,46 +29,6 @@ const MAX_PATCHED: u64 = 4 * MAX_REFINED_TRIANGLES;
 const MAX_LIVE_PATCH: u64 = 1 << 17;
 /// A patch of a live view is cut more finely again when it then has so many of 8 parts of what it may have.
 const ROOM_EIGHTHS: u64 = 6;
-
-/// How finely a surface is cut.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct SurfaceCut {
-    pub(crate) dicing: DicingRate,
-    /// The cuts of its patches; then `dicing` only says that it is refined.
-    pub(crate) patches: Option<Arc<PatchCuts>>,
-}
-
-impl SurfaceCut {
-    pub(super) fn of_patches(camera: &DicingCamera, patches: Arc<PatchCuts>) -> Self {
-        Self { dicing: DicingRate { pixels: camera.pixels, ..DicingRate::default() }, patches: Some(patches) }
-    }
-}
-
-/// How the patches of a surface are cut.
-#[derive(Debug)]
-pub(crate) struct PatchCuts {
-    all: Arc<MeshPatches>,
-    /// The rate of each patch.
-    dicing: Vec<DicingRate>,
-    /// Pieces of each edge.
-    rates: Vec<u16>,
-    /// Steps of two by which each patch of a live view is cut more coarsely than asked.
-    coarser: Vec<u8>,
-    /// Rates are lower than asked.
-    pub(crate) is_coarse: bool,
-}
-
-impl PatchCuts {
-    /// Returns true if both give the same triangles of the same mesh.
-    pub(crate) fn is_same(&self, other: &Self) -> bool {
-        self.is_coarse == other.is_coarse && self.rates == other.rates
-    }
-
-    /// All patches, with the rates of their edges.
-    pub(crate) fn patches(&self, displaces: bool) -> impl Iterator<Item = MeshPatch> {
-        (0..self.all.patches.len()).map(move |number| MeshPatch::new(&self.all, number, displaces, &self.rates))
-    }
-}
 
 /// How the placements of a surface are seen, patch by patch.
 #[derive(Debug, Default)]

@@ -10,6 +10,7 @@ use crate::array::TypedArray;
 use crate::camera::Camera;
 use crate::desc::{MeshDesc, Subdivision};
 use crate::material::{Displacement, InputValue, PreviewDisplacement};
+use crate::mesh::MeshPatch;
 
 const SIZE: [f64; 2] = [1280.0, 720.0];
 /// Pixels of a unit of length at distance 1.
