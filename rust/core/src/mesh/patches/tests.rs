@@ -245,13 +245,13 @@ fn is_the_same_at_once(subdivision: Subdivision, displacements: &[Option<Arc<Dis
     let desc = mesh(24, subdivision, &mut Random(seed));
     let wanted = [WantedPrimvar { name: "st".into(), id: ST }];
     let eye = CameraEye { position: DVec3::new(5.0, 3.0, 4.0), nearest: 0.1 };
-    let dicing = DicingRate { pixels: 1.0, density: 1.5, focal: 12.0, eyes: vec![eye], ..DicingRate::default() };
+    let dicing = DicingRate { pixels: 1.0, density: 1.0, focal: 6.0, eyes: vec![eye], ..DicingRate::default() };
     let demand = BuildDemand { wanted: &wanted, dicing: Some(&dicing), displacements, ..BuildDemand::default() };
     let edges = EdgeRates::new(&desc, &dicing, demand.displaces(&desc));
     let whole = built_at_once(&desc, &demand);
     let patched = built(&desc, &demand, 7, |a, b| u16::try_from(edges.pieces(a, b)).unwrap());
     // Borders of blocks would be elsewhere.
-    assert!((5000..1 << 14).contains(&whole.len()), "{} triangles", whole.len());
+    assert!((3000..1 << 14).contains(&whole.len()), "{} triangles", whole.len());
     assert!(whole == patched, "patches are other triangles, {subdivision:?}, seed {seed}");
 }
 
