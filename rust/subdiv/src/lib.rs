@@ -271,6 +271,24 @@ impl LimitSurface {
     /// # Errors
     /// When lengths do not fit, or a rate is not in `1..=MAX_RATE`.
     pub fn tessellate(&self, rates: &[i32], data: &SurfaceData<'_>) -> Result<LimitFacets, Error> {
+        self.tessellate_in_blocks(rates, data, BLOCK_FACETS)
+    }
+
+    /// As [`Self::tessellate`], as one block, on the caller's thread: the vertices at a place depend on the faces
+    /// around it alone, so two meshes that have these faces in the same order agree about them, bit for bit.
+    ///
+    /// # Errors
+    /// As [`Self::tessellate`].
+    pub fn tessellate_as_one(&self, rates: &[i32], data: &SurfaceData<'_>) -> Result<LimitFacets, Error> {
+        self.tessellate_in_blocks(rates, data, u64::MAX)
+    }
+
+    fn tessellate_in_blocks(
+        &self,
+        rates: &[i32],
+        data: &SurfaceData<'_>,
+        block_facets: u64,
+    ) -> Result<LimitFacets, Error> {
         let expected = self.expected_by_face(rates)?;
         check::data(data, self.point_count, &self.channel_counts)?;
         let widths = data.channels.iter().map(|values| check::int(values.width)).collect::<Result<Vec<_>, _>>()?;
@@ -291,7 +309,7 @@ impl LimitSurface {
             let cut = ffi::FaceCut { rates, edge_sites: &edge_sites, first_face, end_face };
             Ok(self.inner.tessellate(&cut, &values)?)
         };
-        let blocks: Vec<_> = blocks(&expected).par_iter().map(block).collect::<Result<_, _>>()?;
+        let blocks: Vec<_> = blocks(&expected, block_facets).par_iter().map(block).collect::<Result<_, _>>()?;
         let width = data.channels.iter().map(|values| values.width).sum();
         let mut seam = SeamJoiner::new(site_count, width);
         for block in blocks {
@@ -314,12 +332,12 @@ impl LimitSurface {
     }
 }
 
-/// Ranges of faces that are cut together, so many that about [`BLOCK_FACETS`] triangles result.
-fn blocks(expected: &[u64]) -> Vec<Range<usize>> {
+/// Ranges of faces that are cut together, so many that about `block_facets` triangles result.
+fn blocks(expected: &[u64], block_facets: u64) -> Vec<Range<usize>> {
     let (mut blocks, mut start, mut facets) = (Vec::new(), 0, 0);
     for (face, of_face) in expected.iter().enumerate() {
         facets += of_face;
-        if facets >= BLOCK_FACETS {
+        if facets >= block_facets {
             blocks.push(start..face + 1);
             (start, facets) = (face + 1, 0);
         }

@@ -30,7 +30,7 @@ pub(crate) enum GroupId {
     Root,
     /// The group of a prototype.
     Prototype(InstancedBy),
-    /// The clusters of a mesh that was split: the hash of the first, and the prim id.
+    /// The clusters of a mesh that was split: the hash of the first, or of a mesh in patches, and the prim id.
     Clusters(u128, i32),
     /// A prototype seen in collections of light linking that instances above it are in, sorted.
     Linked(Box<Self>, Arc<[Arc<str>]>),

@@ -68,6 +68,14 @@ impl Displacement {
         })
     }
 
+    /// Returns true if it can be evaluated on a part of a mesh: the level of a program's textures depends on all of it.
+    pub(crate) fn is_local(&self) -> bool {
+        match self {
+            Self::Preview(_) => true,
+            Self::Pattern(pattern) => pattern.textures.is_empty(),
+        }
+    }
+
     /// Returns true if it reads the primvar `name`.
     #[must_use]
     pub fn reads(&self, name: &str) -> bool {

@@ -15,10 +15,12 @@ use super::deform::{poses, read_keys};
 use super::demand::BuildDemand;
 use super::leaf::{LeafItems, read_items};
 use super::normals::{build_normals, geometric_normal};
+use super::patch::{MeshPatch, TakenPatch};
+use super::patch_desc::PatchDesc;
 use super::pose::PointsPose;
 use super::primvar::{PrimvarLayout, TriangleSource, convert, convert_wanted, subset_numbers};
 use super::ptex::{PtexNumbers, PtexTriangle};
-use super::refine::{RefinedMesh, refine};
+use super::refine::{ControlShape, RefinedMesh, refine};
 use super::split::{SplitSource as Whole, TriangleOrder, arrange, expected_bytes, split_ordered};
 use super::topology::{MeshFace, MeshTopology, read_topology};
 use super::triangulate::FaceTriangulator;
@@ -129,26 +131,71 @@ pub(crate) fn build_mesh_into(
         *asset = loose.and_then(|loose| arrange_or_split(loose, None, cuts, put));
         return built;
     }
-    let kind = LeafKind::Triangles;
-    let loose = read_topology(desc, dropped).and_then(|topology| {
-        let Some(refined) = refine(desc, demand, &topology, &poses, dropped) else {
-            let loose = UnsortedMesh { desc, wanted, key, topology: &topology, kind, radii: &[], poses: &poses };
-            return read_triangles(loose, dropped);
-        };
-        notes.extend_from_slice(&refined.notes);
-        // A limit surface may close to a point, as at a pole, without bad data.
-        let zero_area_triangles = dropped.zero_area_triangles;
-        let RefinedMesh { topology, desc, poses, .. } = &refined;
-        let loose = read_triangles(UnsortedMesh { desc, wanted, key, topology, kind, radii: &[], poses }, dropped);
-        dropped.zero_area_triangles = zero_area_triangles;
-        loose
-    });
+    let loose = read_faces((desc, &poses, None), demand, key, dropped, notes);
     drop(poses);
     *asset = loose.and_then(|loose| {
         let covered = covered_boxes(&loose, demand);
         arrange_or_split(loose, covered, cuts, put)
     });
     built
+}
+
+/// As [`build_mesh_into`], for a patch of a mesh. Its triangles have the authored numbers of their faces.
+pub(crate) fn build_patch_into(
+    (desc, patch): (&MeshDesc, &MeshPatch),
+    demand: &BuildDemand<'_>,
+    key: u128,
+    cuts: ClusterLimits,
+    put: &mut dyn FnMut(MeshAsset),
+) -> BuiltAsset {
+    let mut built = BuiltAsset::default();
+    let BuiltAsset { asset, dropped, notes } = &mut built;
+    let Some(PatchDesc { desc, faces, rings }) = patch.take(desc, demand) else {
+        dropped.empty_meshes += 1;
+        return built;
+    };
+    let loose = read_faces((&desc, &[], Some(TakenPatch { patch, rings: &rings })), demand, key, dropped, notes);
+    *asset = loose.and_then(|loose| {
+        // What the rings have more is no part of it.
+        let mut points = loose.corner_indices.as_flattened().to_vec();
+        points.sort_unstable();
+        points.dedup();
+        let order: Vec<u32> = (0..u32::try_from(loose.triangles.len()).unwrap_or(u32::MAX)).collect();
+        let mut own = arrange(&loose, Bvh4::default(), &order, Some(&points));
+        drop(loose);
+        for triangle in &mut own.triangles {
+            triangle.face = faces.get(triangle.face as usize).copied().unwrap_or(0);
+        }
+        let covered = covered_boxes(&own, demand);
+        arrange_or_split(own, covered, cuts, put)
+    });
+    built
+}
+
+/// The triangles of a mesh, or of a patch of one, refined if that is asked for.
+fn read_faces(
+    (desc, poses, patch): (&MeshDesc, &[PointsPose], Option<TakenPatch<'_>>),
+    demand: &BuildDemand<'_>,
+    key: u128,
+    dropped: &mut DroppedData,
+    notes: &mut Vec<String>,
+) -> Option<MeshAsset> {
+    let (wanted, kind) = (demand.wanted, LeafKind::Triangles);
+    let mut topology = read_topology(desc, dropped)?;
+    let keep_own = |topology: &mut MeshTopology| patch.iter().for_each(|patch| patch.keep_own(topology));
+    let Some(mut refined) = refine(ControlShape { desc, topology: &topology, poses, patch }, demand, dropped) else {
+        keep_own(&mut topology);
+        let loose = UnsortedMesh { desc, wanted, key, topology: &topology, kind, radii: &[], poses };
+        return read_triangles(loose, dropped);
+    };
+    notes.extend_from_slice(&refined.notes);
+    keep_own(&mut refined.topology);
+    // A limit surface may close to a point, as at a pole, without bad data.
+    let zero_area_triangles = dropped.zero_area_triangles;
+    let RefinedMesh { topology, desc, poses, .. } = &refined;
+    let loose = read_triangles(UnsortedMesh { desc, wanted, key, topology, kind, radii: &[], poses }, dropped);
+    dropped.zero_area_triangles = zero_area_triangles;
+    loose
 }
 
 /// Returns `loose` with its hierarchy, or `None` if it would exceed the limit: then its clusters go to `put`.

@@ -3,6 +3,7 @@
 
 use std::sync::Arc;
 
+use oocpt_abi::NAME_PTEX;
 use xxhash_rust::xxh3::Xxh3;
 
 use super::WantedPrimvar;
@@ -61,6 +62,11 @@ impl BuildDemand<'_> {
                 cover.hash(hasher);
             }
         }
+    }
+
+    /// Returns true if a material reads Ptex.
+    pub(crate) fn reads_ptex(&self) -> bool {
+        self.wanted.iter().any(|wanted| wanted.id == NAME_PTEX)
     }
 
     /// Returns true if the surface has to evaluate a primvar.

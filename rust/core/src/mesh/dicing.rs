@@ -1,13 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Decides into how many pieces the edges of a subdivision surface are cut. Pure.
 
-use glam::DVec3;
+use glam::{DVec3, DVec4, Vec4Swizzles as _};
 use oocpt_subdiv::MAX_RATE;
 use xxhash_rust::xxh3::Xxh3;
 
 /// Largest number of pieces of an edge of a surface that is smooth between its points. One that is displaced may have
 /// more.
 pub(super) const MAX_PIECES: i32 = 256;
+/// What is out of the picture is seen in reflections and shadows only: its edges may be so many times longer.
+pub(crate) const OUT_OF_PICTURE: f64 = 4.0;
 
 /// The rate at which the limit surface of a mesh is cut: no piece of an edge of the control mesh is longer than the
 /// given number of pixels where the surface is nearest to the camera.
@@ -24,6 +26,9 @@ pub struct DicingRate {
     pub focal: f64,
     /// Positions of the camera as the nearest placements see it, in object space.
     pub eyes: Vec<CameraEye>,
+    /// For each eye the inner sides of the picture, in object space: `dot(normal, p) + w` is negative outside, in units
+    /// of length. An edge counts as outside if it is farther out than twice its length. Empty: all is in the picture.
+    pub views: Vec<[DVec4; 5]>,
 }
 
 /// A position of the camera.
@@ -55,11 +60,22 @@ impl DicingRate {
         if pieces >= f64::from(most) { most } else { whole(pieces).max(least) }
     }
 
+    /// The power of two that is nearest to the number of pieces of the edge from `a` to `b`; 0 for no more than one.
+    pub(crate) fn octave(&self, a: DVec3, b: DVec3) -> i32 {
+        let octave = (a.distance(b) * self.density_of(a, b) / self.pixels).log2().round();
+        // NaN gives 0.
+        if octave >= 30.0 { 30 } else { whole(octave).max(0) }
+    }
+
     /// Pixels of a unit of length between `a` and `b`; 0 if no camera sees it.
     #[must_use]
     pub fn density_of(&self, a: DVec3, b: DVec3) -> f64 {
-        let density = |eye: &CameraEye| self.focal / distance(eye.position, a, b).max(eye.nearest);
-        if self.pixels > 0.0 { self.eyes.iter().map(density).fold(self.density, f64::max) } else { 0.0 }
+        let density = |(at, eye): (usize, &CameraEye)| {
+            let in_picture = self.focal / distance(eye.position, a, b).max(eye.nearest);
+            let is_seen = self.views.get(at).is_none_or(|sides| is_in_view(sides, a, b));
+            if is_seen { in_picture } else { in_picture / OUT_OF_PICTURE }
+        };
+        if self.pixels > 0.0 { self.eyes.iter().enumerate().map(density).fold(self.density, f64::max) } else { 0.0 }
     }
 
     /// Adds everything that [`Self::pieces`] depends on to the hash.
@@ -70,7 +86,14 @@ impl DicingRate {
             eye.position.to_array().into_iter().for_each(&mut add);
             add(eye.nearest);
         }
+        self.views.as_flattened().iter().for_each(|side| side.to_array().into_iter().for_each(&mut add));
     }
+}
+
+/// Whether some of the faces at an edge may be in the picture. The same for both directions.
+fn is_in_view(sides: &[DVec4; 5], a: DVec3, b: DVec3) -> bool {
+    let room = -2.0 * a.distance(b);
+    sides.iter().all(|side| f64::max(side.xyz().dot(a), side.xyz().dot(b)) + side.w >= room)
 }
 
 /// The distance of a point from a segment, with the same bits for both orders of its ends.

@@ -37,6 +37,8 @@ pub(super) struct DicedMesh<'a> {
     pub(super) normals: Vec<[f32; 3]>,
     /// True if authored normals give the direction of displacement.
     pub(super) is_flat: bool,
+    /// True for a patch of a mesh: nothing may depend on all of its faces.
+    pub(super) is_patch: bool,
 }
 
 /// The triangles of a control face.
@@ -139,7 +141,7 @@ impl DicedMesh<'_> {
         let subsets = subsets_of_faces(self.desc, self.face_count, &mut DroppedData::default());
         let slot = |face: u32| subsets.get(face as usize).map_or(0, |subset| usize::from(*subset));
         let surface = DicedSurface { positions: self.facets.positions.as_chunks::<3>().0, normals: &self.normals };
-        let relief = |displacement| MeshRelief::new(displacement, self.desc, surface);
+        let relief = |displacement| MeshRelief::new(displacement, self.desc, surface, self.is_patch);
         let mut reliefs: Vec<Option<MeshRelief<'_>>> =
             demand.displacements.iter().map(|slot| slot.as_deref().map(relief)).collect();
         for run in self.runs() {
@@ -159,7 +161,7 @@ impl DicedMesh<'_> {
         let heights = demand.heights.unwrap_or(&none);
         for requested in &faces {
             if let Some(Some(relief)) = reliefs.get_mut(requested.slot) {
-                relief.open(heights, &requested.members);
+                relief.open(heights, requested.face, &requested.members);
             }
         }
         let relief_of = |requested: &RequestedVertex| {

@@ -5,6 +5,7 @@
 use super::demand::BuildDemand;
 use super::dicing::DicingRate;
 use super::leaf::round::curve_points;
+use super::patch::{MeshPatch, PatchSize};
 use super::primvar::TriangleSource;
 use super::refine::{EdgeRates, MAX_REFINED_TRIANGLES};
 use super::topology::{MAX_CORNERS, MeshFace};
@@ -84,6 +85,20 @@ impl BuildFootprint {
         read.covered = if is_cut_out { COVERED.saturating_mul(read.items) } else { 0 };
         read.footprint(limit_bytes, cluster_bytes)
     }
+
+    /// The footprint of a patch of a mesh, with its rings.
+    pub(crate) fn of_patch(desc: &MeshDesc, demand: &BuildDemand<'_>, patch: &MeshPatch, limits: [u64; 2]) -> Self {
+        let PatchSize { faces, corners, triangles } = patch.size();
+        // The patch as a mesh of its own, and indices for its values.
+        let taken = 64 * corners;
+        let mut read = ReadSize::of_surface(desc, demand, [faces, corners, corners], triangles);
+        read.beside = read.beside.saturating_add(taken);
+        read.covered = if demand.covers.iter().any(Option::is_some) { COVERED.saturating_mul(read.items) } else { 0 };
+        // The values that its own triangles use are copied.
+        read.beside = read.beside.saturating_add(read.loose());
+        let [limit_bytes, cluster_bytes] = limits;
+        read.footprint(limit_bytes, cluster_bytes)
+    }
 }
 
 /// Size of the items that a description is read into.
@@ -107,22 +122,13 @@ impl ReadSize {
     fn of(desc: &MeshDesc, demand: &BuildDemand<'_>, [faces, corners, points]: [u64; 3]) -> Self {
         let keys = key_count(desc);
         let of_ptex = demand.wanted.iter().any(|wanted| wanted.id == NAME_PTEX);
-        let topology = |faces: u64, corners: u64, points: u64| {
-            faces * size_of::<MeshFace>() as u64 + 4 * corners + POINT * points * (1 + keys)
-        };
+        let topology = |faces: u64, corners: u64, points: u64| topology_bytes(faces, corners, points, keys);
         let none = DicingRate::default();
         let dicing = demand.dicing.unwrap_or(&none);
         match &desc.shape {
             PrimShape::Mesh if demand.refines(desc) && !of_ptex => {
                 let items = refined_triangles(desc, demand, dicing, corners);
-                // Faces that meet at edges that are not smooth have vertices of their own there.
-                let vertices = items.saturating_add(corners);
-                let values = value_bytes(desc, demand, [1, items, vertices, vertices]);
-                let cut = CUT_VERTEX.saturating_mul(vertices).saturating_add(values.saturating_mul(4));
-                let control = topology(faces, corners, points) + CONTROL_CORNER * corners + 48 * points;
-                let refined = topology(items, 3 * items, vertices) + 16 * items;
-                let beside = control.saturating_add(cut.saturating_mul(keys.max(1))).saturating_add(refined);
-                Self::with(desc, items, beside, values.saturating_add(POINT * vertices), keys)
+                Self::of_surface(desc, demand, [faces, corners, points], items)
             }
             PrimShape::Mesh => {
                 let items = triangle_count(desc, corners, of_ptex);
@@ -152,6 +158,19 @@ impl ReadSize {
                 Self { is_of_points: true, ..Self::with(desc, points, beside, values, keys) }
             }
         }
+    }
+
+    /// A surface that is cut into `items` triangles.
+    fn of_surface(desc: &MeshDesc, demand: &BuildDemand<'_>, [faces, corners, points]: [u64; 3], items: u64) -> Self {
+        let keys = key_count(desc);
+        // Faces that meet at edges that are not smooth have vertices of their own there.
+        let vertices = items.saturating_add(corners);
+        let values = value_bytes(desc, demand, [1, items, vertices, vertices]);
+        let cut = CUT_VERTEX.saturating_mul(vertices).saturating_add(values.saturating_mul(4));
+        let control = topology_bytes(faces, corners, points, keys) + CONTROL_CORNER * corners + 48 * points;
+        let refined = topology_bytes(items, 3 * items, vertices, keys) + 16 * items;
+        let beside = control.saturating_add(cut.saturating_mul(keys.max(1))).saturating_add(refined);
+        Self::with(desc, items, beside, values.saturating_add(POINT * vertices), keys)
     }
 
     fn with(desc: &MeshDesc, items: u64, beside: u64, values: u64, keys: u64) -> Self {
@@ -196,6 +215,11 @@ impl ReadSize {
         let reading = if is_near { reading.max(whole) } else { reading };
         BuildFootprint { reading, whole: sorted, cluster, clusters: expected.div_ceil(cluster_bytes.max(1)) }
     }
+}
+
+/// Bytes of a topology with its points, at each of its keys too.
+fn topology_bytes(faces: u64, corners: u64, points: u64, keys: u64) -> u64 {
+    faces * size_of::<MeshFace>() as u64 + 4 * corners + POINT * points * (1 + keys)
 }
 
 /// Largest number of keys that it may have; 0 if nothing moves.

@@ -60,6 +60,8 @@ pub(crate) struct KeptMesh {
     pub(crate) notes: Vec<String>,
     /// The mesh was not built because it needs more than the host budget.
     pub(crate) is_left_out: bool,
+    /// The patches that its clusters come from, and the content that they are patches of.
+    patches: Option<(u128, Vec<Arc<Self>>)>,
 }
 
 impl KeptMesh {
@@ -112,13 +114,45 @@ impl KeptMesh {
         if let Some((files, _)) = entry.filter(|_| is_split && key.is_some()) {
             files.add(key, &head, &[]);
         }
-        Self { asset, clusters, dropped, notes, is_left_out: false }
+        Self { asset, clusters, dropped, notes, is_left_out: false, patches: None }
+    }
+
+    /// A mesh in patches, which are its clusters. `content`: hash of the mesh; `is_coarse`: its rates are not what was
+    /// asked for.
+    pub(crate) fn of_patches(content: u128, patches: Vec<Arc<Self>>, is_coarse: bool) -> Self {
+        let all = || patches.iter();
+        let clusters: Vec<_> = all().flat_map(|patch| patch.asset.iter().chain(&patch.clusters)).cloned().collect();
+        let mut dropped = DroppedData::default();
+        all().for_each(|patch| dropped.add(&patch.dropped));
+        // It is one mesh, and one of which some patches are holes is not empty.
+        dropped.empty_meshes = u64::from(clusters.is_empty());
+        dropped.unrefined_meshes = dropped.unrefined_meshes.min(1);
+        dropped.coarse_meshes = u64::from(is_coarse);
+        let mut notes: Vec<String> = all().flat_map(|patch| &patch.notes).cloned().collect();
+        notes.sort();
+        notes.dedup();
+        let is_left_out = all().any(|patch| patch.is_left_out);
+        Self { asset: None, clusters, dropped, notes, is_left_out, patches: Some((content, patches)) }
+    }
+
+    /// Names the group of its clusters: the mesh that patches are of, whatever their rates are, or else the first
+    /// cluster.
+    pub(crate) fn group(&self) -> Option<u128> {
+        let content = self.patches.as_ref().map(|(content, _)| *content);
+        self.clusters.first().map(|first| content.unwrap_or(first.key))
     }
 
     /// Stands for a mesh that is not built; `reason` is shown to the user.
     pub(crate) fn left_out(reason: String) -> Self {
         let notes = vec![reason];
-        Self { asset: None, clusters: Vec::new(), dropped: DroppedData::default(), notes, is_left_out: true }
+        Self {
+            asset: None,
+            clusters: Vec::new(),
+            dropped: DroppedData::default(),
+            notes,
+            is_left_out: true,
+            patches: None,
+        }
     }
 
     /// The mesh under `key` in the files, if it is complete. Fails if its entry contradicts itself.
@@ -154,7 +188,7 @@ impl KeptMesh {
         };
         let mut meshes: Vec<_> = meshes.into_iter().zip(payloads).enumerate().map(mesh).collect();
         let asset = if is_split { None } else { meshes.pop() };
-        Ok(Some(Self { asset, clusters: meshes, dropped, notes, is_left_out: false }))
+        Ok(Some(Self { asset, clusters: meshes, dropped, notes, is_left_out: false, patches: None }))
     }
 }
 

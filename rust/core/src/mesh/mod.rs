@@ -3,8 +3,9 @@
 //!
 //! Stages: [`build`] runs `topology` (check, holes), `refine` (limit surfaces, cut as [`DicingRate`] says, moved by
 //! `displace` as far as a `relief` says), `triangulate`, `primvar` and `normals`, [`bvh`] and [`bvh4`]; `split` cuts
-//! large meshes into clusters; `key` is the content hash. A snapshot has [`SceneMesh`]es: a `summary` of each asset,
-//! and the asset where `store` and `payload` have put it. Pure functions; called from rayon workers during a commit.
+//! large meshes into clusters, `patches` large control meshes before they are refined; `key` is the content hash. A
+//! snapshot has [`SceneMesh`]es: a `summary` of each asset, and the asset where `store` and `payload` have put it. Pure
+//! functions; called from rayon workers during a commit.
 
 mod attribute;
 pub mod build;
@@ -31,8 +32,12 @@ mod leaf;
 pub mod level;
 mod level_shape;
 mod normals;
+mod patch;
+mod patch_desc;
+mod patches;
 mod pattern_relief;
 mod payload;
+mod plain_values;
 mod pose;
 mod preview_relief;
 mod primvar;
@@ -63,6 +68,7 @@ pub use bvh4::{Bvh4, level_nodes};
 pub use cover::{CutoutCover, SlotCovers};
 pub use deform::MeshKeys;
 pub use demand::{BuildDemand, SlotDisplacements};
+pub(crate) use dicing::OUT_OF_PICTURE;
 pub use dicing::{CameraEye, DicingRate};
 pub(crate) use footprint::BuildFootprint;
 pub use host_memory::HostMemory;
@@ -72,9 +78,15 @@ pub use key::mesh_key;
 pub(crate) use key::{is_same_mesh, mesh_key_with};
 pub use leaf::LeafKind;
 pub use level::{LevelTree, build_level, level_node_count, likely_level_stack};
+<<<<<<< HEAD
 pub use level_shape::{LevelShape, RefittedLevel};
+=======
+pub(crate) use patch::MeshPatch;
+pub(crate) use patches::{MIN_PATCHED_FACES, MeshPatches};
+>>>>>>> c62f828339aeb8073c7756ed3aa25be12a6bfe9a
 pub use ptex::{MAX_PTEX_FACES, PtexPart, PtexTriangle};
 pub(crate) use recipe::{MeshRecipe, MeshStorage};
+pub(crate) use refine::EdgeRates;
 pub use refine::MAX_REFINED_TRIANGLES;
 #[cfg(feature = "faults")]
 pub use scene_mesh::LOST_FOR_GOOD;

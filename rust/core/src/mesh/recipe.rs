@@ -6,12 +6,13 @@ use std::sync::atomic::AtomicBool;
 
 use xxhash_rust::xxh3::xxh3_128;
 
-use super::build::{BuiltAsset, ClusterLimits, build_mesh_into};
+use super::build::{BuiltAsset, ClusterLimits, build_mesh_into, build_patch_into};
 use super::cover::SlotCovers;
 use super::demand::{BuildDemand, SlotDisplacements};
 use super::dicing::DicingRate;
 use super::footprint::BuildFootprint;
 use super::host_memory::HostMemory;
+use super::patch::MeshPatch;
 use super::store::MeshFiles;
 use super::{MeshAsset, WantedPrimvar};
 use crate::desc::MeshDesc;
@@ -30,6 +31,8 @@ pub(crate) struct MeshRecipe {
     pub(crate) displacements: SlotDisplacements,
     pub(crate) covers: SlotCovers,
     pub(crate) height_files: Option<Arc<dyn HeightFiles>>,
+    /// The part of the mesh that is built; `None`: all of it.
+    pub(crate) patch: Option<MeshPatch>,
     /// [`super::mesh_key_with`] of the fields above.
     pub(crate) key: u128,
     /// A mesh of more bytes on the device is split into clusters.
@@ -48,12 +51,19 @@ impl MeshRecipe {
     pub(super) fn build(&self, heights: &HeightCache, at_once: usize, put: &mut dyn FnMut(MeshAsset)) -> BuiltAsset {
         let demand = BuildDemand { heights: Some(heights), ..self.demand() };
         let limits = ClusterLimits { limit_bytes: self.limit_bytes, cluster_bytes: self.cluster_bytes, at_once };
-        build_mesh_into(&self.desc, &demand, self.key, limits, put)
+        match &self.patch {
+            Some(patch) => build_patch_into((&self.desc, patch), &demand, self.key, limits, put),
+            None => build_mesh_into(&self.desc, &demand, self.key, limits, put),
+        }
     }
 
     /// The host memory that building takes.
     pub(crate) fn footprint(&self) -> BuildFootprint {
-        BuildFootprint::of(&self.desc, &self.demand(), self.limit_bytes, self.cluster_bytes)
+        let (demand, limits) = (self.demand(), [self.limit_bytes, self.cluster_bytes]);
+        match &self.patch {
+            Some(patch) => BuildFootprint::of_patch(&self.desc, &demand, patch, limits),
+            None => BuildFootprint::of(&self.desc, &demand, self.limit_bytes, self.cluster_bytes),
+        }
     }
 
     /// Key of its entry in files; none for a displaced mesh: the key covers the description alone, and the textures may

@@ -5,7 +5,6 @@
 //! stay valid; points, normals and all values by point or corner are those of the limit surface. Pure.
 
 use glam::{DVec3, Vec3};
-use oocpt_abi::NAME_PTEX;
 use oocpt_subdiv::{
     ControlMesh, Error, FaceVaryingChannel, LimitFacets, LimitSurface, MAX_RATE, SubdivisionRules, SubdivisionScheme,
     SurfaceData,
@@ -17,6 +16,7 @@ use super::creases::CreaseSharpness;
 use super::demand::BuildDemand;
 use super::dicing::{DicingRate, MAX_PIECES};
 use super::displace::{DicedMesh, DisplacedVertices};
+use super::patch::TakenPatch;
 use super::pose::PointsPose;
 use super::refine_values::ControlValues;
 use super::topology::{MeshFace, MeshTopology};
@@ -40,25 +40,30 @@ pub(crate) struct RefinedMesh {
     pub(crate) notes: Vec<String>,
 }
 
-/// The limit surface of a mesh with the checked `topology`, and at its `poses`, displaced if that is asked for; `None`
-/// if it stays a polygon mesh, which `dropped` counts if it should not.
-pub(crate) fn refine(
-    desc: &MeshDesc,
+/// A control mesh that is refined.
+#[derive(Clone, Copy)]
+pub(super) struct ControlShape<'a> {
+    pub(super) desc: &'a MeshDesc,
+    pub(super) topology: &'a MeshTopology,
+    pub(super) poses: &'a [PointsPose],
+    /// The patch that it is, with the rings around; `None`: a whole mesh.
+    pub(super) patch: Option<TakenPatch<'a>>,
+}
+
+/// The limit surface of a mesh with a checked topology, and at its poses, displaced if that is asked for; `None` if it
+/// stays a polygon mesh, which `dropped` counts if it should not.
+pub(super) fn refine(
+    shape: ControlShape<'_>,
     demand: &BuildDemand<'_>,
-    topology: &MeshTopology,
-    poses: &[PointsPose],
     dropped: &mut DroppedData,
 ) -> Option<RefinedMesh> {
+    let desc = shape.desc;
     if !demand.refines(desc) {
         return None;
     }
     // Dropped data count only if the mesh is refined.
     let mut own = DroppedData::default();
-    let refined = if demand.wanted.iter().any(|wanted| wanted.id == NAME_PTEX) {
-        None
-    } else {
-        try_refine(desc, demand, topology, poses, &mut own).ok()
-    };
+    let refined = if demand.reads_ptex() { None } else { try_refine(shape, demand, &mut own).ok() };
     match &refined {
         Some(_) => dropped.add(&own),
         None => dropped.unrefined_meshes += 1,
@@ -67,12 +72,11 @@ pub(crate) fn refine(
 }
 
 fn try_refine(
-    desc: &MeshDesc,
+    shape: ControlShape<'_>,
     demand: &BuildDemand<'_>,
-    topology: &MeshTopology,
-    poses: &[PointsPose],
     dropped: &mut DroppedData,
 ) -> Result<RefinedMesh, Error> {
+    let ControlShape { desc, topology, poses, patch } = shape;
     let is_flat = matches!(desc.subdivision, Subdivision::None | Subdivision::Bilinear);
     let displaces = demand.displaces(desc);
     let cage = if is_flat && displaces {
@@ -100,13 +104,17 @@ fn try_refine(
     let surface = LimitSurface::new(&control)?;
     let none = DicingRate::default();
     let cutting = EdgeRates::new(desc, demand.dicing.unwrap_or(&none), displaces);
-    let rates = rates(&surface, topology, &cutting, MAX_REFINED_TRIANGLES, dropped)?;
+    let rates = match patch {
+        Some(patch) => patch.rates(&surface, topology, &cage),
+        None => rates(&surface, topology, &cutting, MAX_REFINED_TRIANGLES, dropped)?,
+    };
     let (vertex, varying, channels) = (values.vertex(), values.varying(), values.channel_values());
     let tessellate = |points: &[[f32; 3]]| {
         // Points without a face may have any value.
         let positions: Vec<[f32; 3]> = points.iter().map(|p| if p[0].is_nan() { [0.0; 3] } else { *p }).collect();
         let data = SurfaceData { positions: positions.as_flattened(), vertex, varying, channels: &channels };
-        surface.tessellate(&rates, &data)
+        // Borders of blocks affect bits, and are elsewhere in the patch beside.
+        if patch.is_some() { surface.tessellate_as_one(&rates, &data) } else { surface.tessellate(&rates, &data) }
     };
     let mut facets = tessellate(&topology.points)?;
     // The rates are those of the frame's own time, so all poses are cut alike.
@@ -119,7 +127,7 @@ fn try_refine(
             return (normals, Vec::new());
         }
         let (faces, face_count) = (&cage.faces[..], topology.face_count);
-        let cut = DicedMesh { facets, faces, desc, face_count, normals, is_flat };
+        let cut = DicedMesh { facets, faces, desc, face_count, normals, is_flat, is_patch: patch.is_some() };
         let DisplacedVertices { positions, normals, notes } = cut.displace(demand, dropped);
         facets.positions = positions.into_flattened();
         (normals, notes)
@@ -152,7 +160,8 @@ fn rules(desc: &MeshDesc) -> SubdivisionRules {
 }
 
 /// The number of pieces into which each edge is cut.
-pub(super) struct EdgeRates<'a> {
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct EdgeRates<'a> {
     dicing: &'a DicingRate,
     least: i32,
     most: i32,
@@ -161,7 +170,7 @@ pub(super) struct EdgeRates<'a> {
 }
 
 impl<'a> EdgeRates<'a> {
-    pub(super) fn new(desc: &MeshDesc, dicing: &'a DicingRate, displaces: bool) -> Self {
+    pub(crate) fn new(desc: &MeshDesc, dicing: &'a DicingRate, displaces: bool) -> Self {
         Self {
             dicing,
             least: 1 << desc.refine_level.min(MAX_LEVEL),
@@ -171,11 +180,21 @@ impl<'a> EdgeRates<'a> {
     }
 
     /// Pieces of the edge between two points.
-    pub(super) fn pieces(&self, a: DVec3, b: DVec3) -> i32 {
+    pub(crate) fn pieces(&self, a: DVec3, b: DVec3) -> i32 {
         match self.by_level_alone {
             true => self.least.min(self.most),
             false => self.dicing.pieces_up_to(a, b, self.least, self.most),
         }
+    }
+
+    /// The power of two that is nearest to the pieces of the edge between two points.
+    pub(crate) fn octave(&self, a: DVec3, b: DVec3) -> i32 {
+        self.dicing.octave(a, b)
+    }
+
+    /// Pieces of an edge of this octave: the limits are powers of two.
+    pub(crate) fn of_octave(&self, octave: i32) -> i32 {
+        (1 << octave.clamp(0, 30)).clamp(self.least.min(self.most), self.most)
     }
 }
 

@@ -20,9 +20,15 @@ pub(super) enum MeshRelief<'a> {
 }
 
 impl<'a> MeshRelief<'a> {
-    pub(super) fn new(displacement: &'a Displacement, desc: &'a MeshDesc, surface: DicedSurface<'a>) -> Self {
+    /// `by_face`: the level of a texture follows from each face alone, not from all.
+    pub(super) fn new(
+        displacement: &'a Displacement,
+        desc: &'a MeshDesc,
+        surface: DicedSurface<'a>,
+        by_face: bool,
+    ) -> Self {
         match displacement {
-            Displacement::Preview(preview) => Self::Preview(PreviewRelief::new(preview, desc)),
+            Displacement::Preview(preview) => Self::Preview(PreviewRelief::new(preview, desc, by_face)),
             Displacement::Pattern(pattern) => Self::Pattern(Box::new(PatternRelief::new(pattern, desc, surface))),
         }
     }
@@ -59,10 +65,10 @@ impl<'a> MeshRelief<'a> {
         }
     }
 
-    /// Opens the texture levels of these members.
-    pub(super) fn open(&mut self, heights: &HeightCache, members: &UdimMembers) {
+    /// Opens the texture levels of these members for a face.
+    pub(super) fn open(&mut self, heights: &HeightCache, face: u32, members: &UdimMembers) {
         match self {
-            Self::Preview(preview) => preview.open(heights, members[0]),
+            Self::Preview(preview) => preview.open(heights, face, members[0]),
             Self::Pattern(pattern) => pattern.open(heights, members),
         }
     }

@@ -5,6 +5,7 @@ use std::sync::{Arc, OnceLock};
 
 use super::linking::LinkClasses;
 use super::mesh_outline::MeshOutline;
+use super::surface_cut::{PatchCuts, SurfaceCut};
 use crate::array::ArrayView;
 use crate::desc::DroppedData;
 use crate::desc::{InstancerDesc, MeshDesc};
@@ -12,7 +13,7 @@ use crate::instancing::array_motion::ArrayMotion;
 use crate::instancing::arrays::InstanceArrays;
 use crate::instancing::instance_primvars::{InstancePrimvar, MemberPrimvar};
 use crate::material::Cutout;
-use crate::mesh::{BuildDemand, DicingRate, KeptMesh, SlotDisplacements, WantedPrimvar, is_same_mesh};
+use crate::mesh::{BuildDemand, DicingRate, KeptMesh, MeshPatches, SlotDisplacements, WantedPrimvar, is_same_mesh};
 
 /// Cutouts by slot, as [`SlotDisplacements`]. Empty if nothing is cut out.
 pub(crate) type SlotCutouts = Vec<Option<Arc<Cutout>>>;
@@ -25,6 +26,8 @@ pub(crate) struct MeshEntry {
     pub(crate) built: Option<Arc<KeptMesh>>,
     /// Rate at which its limit surface is cut.
     pub(crate) dicing: DicingRate,
+    /// The cuts of its patches, where it is refined patch by patch: then `dicing` says nothing about rates.
+    pub(crate) cuts: Option<Arc<PatchCuts>>,
     /// The facts about it that dicing needs, once they were asked for; `None` again after the arrays or
     /// `wanted` change.
     outline: OnceLock<MeshOutline>,
@@ -59,6 +62,7 @@ impl MeshEntry {
                     desc,
                     built: None,
                     dicing: DicingRate::default(),
+                    cuts: None,
                     outline: OnceLock::new(),
                     wanted: Vec::new(),
                     displacements: Vec::new(),
@@ -86,6 +90,23 @@ impl MeshEntry {
     /// The facts about it that dicing needs.
     pub(crate) fn outline(&self) -> &MeshOutline {
         self.outline.get_or_init(|| MeshOutline::new(&self.desc, self.demand()))
+    }
+
+    /// Its patches; `None` if it is always refined as a whole.
+    pub(crate) fn patches(&self) -> Option<&Arc<MeshPatches>> {
+        self.outline().patches(&self.desc, self.demand())
+    }
+
+    /// Sets how finely it is cut; forgets an asset that was cut otherwise.
+    pub(crate) fn cut(&mut self, cut: SurfaceCut) {
+        let is_same = match (&self.cuts, &cut.patches) {
+            (Some(old), Some(new)) => old.is_same(new),
+            (old, new) => old.is_none() && new.is_none() && self.dicing == cut.dicing,
+        };
+        if !is_same {
+            self.built = None;
+        }
+        (self.dicing, self.cuts) = (cut.dicing, cut.patches);
     }
 
     /// Sets the cutouts of its materials; forgets an asset that was built with others.

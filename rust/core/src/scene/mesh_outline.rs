@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Facts about a mesh that do not change with the camera, and the balls by which dicing measures surfaces. Pure.
 
+use std::sync::{Arc, OnceLock};
+
 use glam::{DAffine3, DVec3};
 
 use crate::desc::MeshDesc;
-use crate::mesh::{Aabb, BuildDemand, DicingRate, mesh_key_with};
+use crate::mesh::{Aabb, BuildDemand, DicingRate, MeshPatches, mesh_key_with};
 
 /// Smallest distance that counts, as a share of the radius of what is looked at as a whole.
 const NEAREST: f64 = 0.05;
@@ -15,13 +17,22 @@ pub(crate) struct MeshOutline {
     pub(super) ball: BoundingSphere,
     /// Hash of all that the mesh is built from but the dicing.
     pub(super) content: u128,
+    /// Its patches, once they were asked for.
+    patches: OnceLock<Option<Arc<MeshPatches>>>,
 }
 
 impl MeshOutline {
     pub(super) fn new(desc: &MeshDesc, demand: BuildDemand<'_>) -> Self {
         let plain = DicingRate { pixels: 1.0, ..DicingRate::default() };
         let content = mesh_key_with(desc, &BuildDemand { dicing: Some(&plain), ..demand });
-        Self { ball: BoundingSphere::of(&points_box(desc)), content }
+        Self { ball: BoundingSphere::of(&points_box(desc)), content, patches: OnceLock::new() }
+    }
+
+    /// The patches of the mesh; `None` if it is refined as a whole.
+    pub(super) fn patches(&self, desc: &MeshDesc, demand: BuildDemand<'_>) -> Option<&Arc<MeshPatches>> {
+        let plain = DicingRate { pixels: 1.0, ..DicingRate::default() };
+        let make = || MeshPatches::of(desc, &BuildDemand { dicing: Some(&plain), ..demand }).map(Arc::new);
+        self.patches.get_or_init(make).as_ref()
     }
 }
 
@@ -59,7 +70,12 @@ impl BoundingSphere {
     }
 
     pub(super) fn is_near(&self, from: DVec3) -> bool {
-        self.center.distance(from) < 2.0 * self.radius
+        self.is_within(2.0, from)
+    }
+
+    /// Returns true if its middle is not so many radii away.
+    pub(super) fn is_within(&self, radii: f64, from: DVec3) -> bool {
+        self.center.distance(from) < radii * self.radius
     }
 }
 

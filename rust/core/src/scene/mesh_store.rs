@@ -6,12 +6,14 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHashSet};
+use xxhash_rust::xxh3::Xxh3;
 
 use super::admission::run_within;
 use super::cover_store::CoverStore;
 use super::entries::MeshEntry;
+use super::surface_cut::SurfaceCut;
 use crate::mesh::{
-    BuildDemand, BuildFootprint, BuildGrant, CutoutCover, DicingRate, KeptMesh, MeshRecipe, MeshStorage, SceneMesh,
+    BuildDemand, BuildFootprint, BuildGrant, CutoutCover, KeptMesh, MeshPatch, MeshRecipe, MeshStorage, SceneMesh,
     SlotCovers, mesh_key_with, too_large,
 };
 use crate::partition::PartitionOptions;
@@ -20,12 +22,32 @@ use crate::texture::HeightCache;
 /// Number of clusters that are stored together, for each thread: with fewer, threads would wait for each other.
 const BATCHES: usize = 4;
 
-/// A mesh that is to be built.
-#[derive(Clone, Copy)]
+/// A mesh, or a patch of one, that is to be built.
+#[derive(Clone)]
 struct NewMesh<'a> {
     key: u128,
     entry: &'a MeshEntry,
     covers: &'a [Option<CutoutCover>],
+    patch: Option<MeshPatch>,
+}
+
+impl<'a> NewMesh<'a> {
+    /// The parts of a prim: all of its mesh, or each of its patches.
+    fn of(entry: &'a MeshEntry, covers: &'a [Option<CutoutCover>]) -> Vec<Self> {
+        let demand = BuildDemand { covers, ..entry.demand() };
+        let Some(cuts) = &entry.cuts else {
+            return vec![NewMesh { key: mesh_key_with(&entry.desc, &demand), entry, covers, patch: None }];
+        };
+        let content = entry.outline().content;
+        let part = |patch: MeshPatch| {
+            let mut hasher = Xxh3::new();
+            hasher.update(&content.to_le_bytes());
+            demand.hash_covers(&mut hasher);
+            patch.hash(&mut hasher);
+            NewMesh { key: hasher.digest128(), entry, covers, patch: Some(patch) }
+        };
+        cuts.patches(demand.displaces(&entry.desc)).map(part).collect()
+    }
 }
 
 /// Assets by content hash, and their indices in the snapshots.
@@ -67,45 +89,47 @@ impl MeshStore {
         &mut self,
         meshes: &mut BTreeMap<Arc<str>, MeshEntry>,
         wanted: &FxHashSet<Arc<str>>,
-        mut cuts: FxHashMap<Arc<str>, DicingRate>,
+        mut cuts: FxHashMap<Arc<str>, SurfaceCut>,
         heights: &HeightCache,
     ) {
         // The budget may have changed.
         self.built.retain(|_, built| !built.is_left_out);
         for (path, entry) in meshes.iter_mut() {
-            let dicing = cuts.remove(path).unwrap_or_default();
-            if entry.dicing != dicing || entry.is_left_out() {
-                entry.dicing = dicing;
-                entry.built = None;
-            }
+            entry.cut(cuts.remove(path).unwrap_or_default());
+            entry.built = entry.built.take().filter(|built| !built.is_left_out);
         }
         let mut missing: Vec<&mut MeshEntry> =
             meshes.iter_mut().filter(|(path, e)| e.built.is_none() && wanted.contains(*path)).map(|(_, e)| e).collect();
         self.covers.read(missing.iter().map(|entry| &entry.cutouts), heights.files());
         let covers: Vec<SlotCovers> = missing.iter().map(|entry| self.covers.of(&entry.cutouts)).collect();
-        let demand = |entry: &'_ MeshEntry, covers: &'_ [Option<CutoutCover>]| {
-            mesh_key_with(&entry.desc, &BuildDemand { covers, ..entry.demand() })
-        };
-        let keys: Vec<u128> = missing.par_iter().zip(&covers).map(|(entry, covers)| demand(entry, covers)).collect();
+        let all = missing.par_iter().zip(&covers);
+        let parts: Vec<Vec<NewMesh<'_>>> = all.map(|(entry, covers)| NewMesh::of(entry, covers)).collect();
+        let keys: Vec<Vec<u128>> = parts.iter().map(|parts| parts.iter().map(|part| part.key).collect()).collect();
         let mut begun: FxHashSet<u128> = FxHashSet::default();
-        let new: Vec<NewMesh<'_>> = keys
-            .iter()
-            .zip(missing.iter().zip(&covers))
-            .filter(|(key, _)| !self.built.contains_key(key) && begun.insert(**key))
-            .map(|(key, (entry, covers))| NewMesh { key: *key, entry, covers })
+        let new: Vec<NewMesh<'_>> = parts
+            .into_iter()
+            .flatten()
+            .filter(|part| !self.built.contains_key(&part.key) && begun.insert(part.key))
             .collect();
         self.made += new.len() as u64;
         let built = self.make(&new, heights);
         self.built.extend(built);
-        for (key, entry) in keys.iter().zip(&mut missing) {
-            entry.built = self.built.get(key).cloned();
+        for (keys, entry) in keys.iter().zip(&mut missing) {
+            let parts = || keys.iter().filter_map(|key| self.built.get(key).cloned());
+            entry.built = match &entry.cuts {
+                Some(cuts) => {
+                    let content = entry.outline().content;
+                    Some(Arc::new(KeptMesh::of_patches(content, parts().collect(), cuts.is_coarse)))
+                }
+                None => parts().next(),
+            };
         }
     }
 
     /// Finds meshes in files or builds them, in parallel.
     fn make(&self, new: &[NewMesh<'_>], heights: &HeightCache) -> Vec<(u128, Arc<KeptMesh>)> {
         let (limit_bytes, cluster_bytes) = (self.options.mesh_limit(), self.options.chunk_bytes());
-        let recipe = |NewMesh { key, entry, covers }: &NewMesh<'_>| {
+        let recipe = |NewMesh { key, entry, covers, patch }: &NewMesh<'_>| {
             Arc::new(MeshRecipe {
                 desc: entry.desc.clone(),
                 wanted: entry.wanted.clone(),
@@ -113,6 +137,7 @@ impl MeshStore {
                 displacements: entry.displacements.clone(),
                 covers: covers.to_vec(),
                 height_files: heights.files().cloned(),
+                patch: patch.clone(),
                 key: *key,
                 limit_bytes,
                 cluster_bytes,

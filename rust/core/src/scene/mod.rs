@@ -25,6 +25,7 @@ mod report;
 pub(crate) mod resolve;
 pub mod snapshot;
 mod summary;
+mod surface_cut;
 mod surfaces;
 pub(crate) mod validate;
 

@@ -235,7 +235,7 @@ struct SceneResolver<'a> {
     reports: &'a mut CommitReports,
     outcomes: FxHashMap<GroupId, GroupOutcome>,
     plan: Vec<PlanGroup>,
-    /// Groups of clusters: by the first cluster's hash and the prim id.
+    /// Groups of clusters: by [`crate::mesh::KeptMesh::group`] and the prim id.
     split: FxHashMap<(u128, i32), usize>,
     linked: LinkedPrims,
 }
@@ -374,9 +374,9 @@ impl SceneResolver<'_> {
             self.reports.note(&entry.desc.prim.path, format!("{most}; links of some instances are ignored"));
             entry.desc.prim_id
         });
-        let target = match (&built.asset, built.clusters.first()) {
-            (Some(asset), _) => PlanTarget::Mesh { key: asset.key, prim_id },
-            (None, first) => PlanTarget::Group(self.clusters(first?.key, prim_id, &built.clusters, &entry.lacks)),
+        let target = match &built.asset {
+            Some(asset) => PlanTarget::Mesh { key: asset.key, prim_id },
+            None => PlanTarget::Group(self.clusters(built.group()?, prim_id, &built.clusters, &entry.lacks)),
         };
         Some(PlanMember {
             path: entry.desc.prim.path.clone(),
@@ -403,8 +403,8 @@ impl SceneResolver<'_> {
     }
 
     /// The group of a split mesh: every cluster is placed untransformed.
-    fn clusters(&mut self, first: u128, prim_id: i32, clusters: &[Arc<SceneMesh>], lacks: &[u32]) -> usize {
-        if let Some(&known) = self.split.get(&(first, prim_id)) {
+    fn clusters(&mut self, name: u128, prim_id: i32, clusters: &[Arc<SceneMesh>], lacks: &[u32]) -> usize {
+        if let Some(&known) = self.split.get(&(name, prim_id)) {
             return known;
         }
         let nowhere: Arc<str> = "".into();
@@ -419,8 +419,8 @@ impl SceneResolver<'_> {
             lacks: lacks.to_vec(),
             motion: None,
         });
-        let group = self.push(GroupId::Clusters(first, prim_id), members.collect());
-        self.split.insert((first, prim_id), group);
+        let group = self.push(GroupId::Clusters(name, prim_id), members.collect());
+        self.split.insert((name, prim_id), group);
         group
     }
 }

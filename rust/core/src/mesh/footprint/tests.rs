@@ -7,9 +7,9 @@ use crate::desc::{
     CurveBasis, CurveWrap, CurvesDesc, Interpolation, MeshDesc, NamedPrimvar, PointsSample, PrimShape, Primvar,
     Subdivision,
 };
-use crate::material::Cutout;
-use crate::mesh::build::{ClusterLimits, build_mesh_into};
-use crate::mesh::{BuildDemand, BuildFootprint, CutoutCover, DicingRate, WantedPrimvar};
+use crate::material::{Cutout, Displacement, InputValue, PreviewDisplacement};
+use crate::mesh::build::{ClusterLimits, build_mesh_into, build_patch_into};
+use crate::mesh::{BuildDemand, BuildFootprint, CutoutCover, DicingRate, MeshPatch, MeshPatches, WantedPrimvar};
 use std::process::Command;
 use std::sync::Arc;
 
@@ -26,27 +26,31 @@ struct Case {
     at_once: usize,
     /// True if it is cut out by a primvar.
     is_cut: bool,
+    /// Pieces of every edge of a displaced patch of it; 0: all of the mesh.
+    patch: u16,
 }
 
 const WHOLE: u64 = u64::MAX;
 const SPLIT: u64 = 32 << 20;
 
 const CASES: &[Case] = &[
-    Case { name: "quads", desc: || grid(400), limit: WHOLE, at_once: 1, is_cut: false },
-    Case { name: "quads with values", desc: dressed, limit: WHOLE, at_once: 1, is_cut: false },
-    Case { name: "triangles", desc: triangles, limit: WHOLE, at_once: 1, is_cut: false },
-    Case { name: "split", desc: || grid(1000), limit: SPLIT, at_once: 1, is_cut: false },
-    Case { name: "split, four at once", desc: || grid(1000), limit: SPLIT, at_once: 4, is_cut: false },
-    Case { name: "just not split", desc: || grid(480), limit: SPLIT, at_once: 1, is_cut: false },
-    Case { name: "moving", desc: moving, limit: WHOLE, at_once: 1, is_cut: false },
-    Case { name: "cut out", desc: dressed, limit: WHOLE, at_once: 1, is_cut: true },
-    Case { name: "cut out, split", desc: || with_st(grid(1000)), limit: SPLIT, at_once: 1, is_cut: true },
-    Case { name: "subdivided", desc: || surface(64, 3), limit: WHOLE, at_once: 1, is_cut: false },
-    Case { name: "subdivided coarsely", desc: || surface(300, 0), limit: WHOLE, at_once: 1, is_cut: false },
-    Case { name: "points", desc: points, limit: WHOLE, at_once: 1, is_cut: false },
-    Case { name: "points, split", desc: points, limit: SPLIT / 8, at_once: 2, is_cut: false },
-    Case { name: "curves", desc: || curves(CurveBasis::BSpline), limit: WHOLE, at_once: 1, is_cut: false },
-    Case { name: "lines", desc: || curves(CurveBasis::Linear), limit: WHOLE, at_once: 1, is_cut: false },
+    Case { name: "quads", desc: || grid(400), limit: WHOLE, at_once: 1, is_cut: false, patch: 0 },
+    Case { name: "quads with values", desc: dressed, limit: WHOLE, at_once: 1, is_cut: false, patch: 0 },
+    Case { name: "triangles", desc: triangles, limit: WHOLE, at_once: 1, is_cut: false, patch: 0 },
+    Case { name: "split", desc: || grid(1000), limit: SPLIT, at_once: 1, is_cut: false, patch: 0 },
+    Case { name: "split, four at once", desc: || grid(1000), limit: SPLIT, at_once: 4, is_cut: false, patch: 0 },
+    Case { name: "just not split", desc: || grid(480), limit: SPLIT, at_once: 1, is_cut: false, patch: 0 },
+    Case { name: "moving", desc: moving, limit: WHOLE, at_once: 1, is_cut: false, patch: 0 },
+    Case { name: "cut out", desc: dressed, limit: WHOLE, at_once: 1, is_cut: true, patch: 0 },
+    Case { name: "cut out, split", desc: || with_st(grid(1000)), limit: SPLIT, at_once: 1, is_cut: true, patch: 0 },
+    Case { name: "subdivided", desc: || surface(64, 3), limit: WHOLE, at_once: 1, is_cut: false, patch: 0 },
+    Case { name: "subdivided coarsely", desc: || surface(300, 0), limit: WHOLE, at_once: 1, is_cut: false, patch: 0 },
+    Case { name: "patch", desc: || surface(64, 0), limit: WHOLE, at_once: 1, is_cut: false, patch: 12 },
+    Case { name: "patch, cut out", desc: || surface(64, 0), limit: WHOLE, at_once: 1, is_cut: true, patch: 8 },
+    Case { name: "points", desc: points, limit: WHOLE, at_once: 1, is_cut: false, patch: 0 },
+    Case { name: "points, split", desc: points, limit: SPLIT / 8, at_once: 2, is_cut: false, patch: 0 },
+    Case { name: "curves", desc: || curves(CurveBasis::BSpline), limit: WHOLE, at_once: 1, is_cut: false, patch: 0 },
+    Case { name: "lines", desc: || curves(CurveBasis::Linear), limit: WHOLE, at_once: 1, is_cut: false, patch: 0 },
 ];
 
 /// A wavy square of `side` squared quads.
@@ -142,6 +146,13 @@ fn status(key: &str) -> u64 {
     line.trim().trim_end_matches(" kB").parse::<u64>().expect("a number") << 10
 }
 
+/// The first patch of a mesh.
+fn patch(desc: &MeshDesc, demand: &BuildDemand<'_>, pieces: u16) -> MeshPatch {
+    let all = Arc::new(MeshPatches::of(desc, demand).expect("patches"));
+    let wanted: Vec<Vec<u16>> = (0..all.patches.len()).map(|patch| all.own_edges(desc, patch, |_, _| pieces)).collect();
+    MeshPatch::new(&all, 0, true, &all.rates(&wanted))
+}
+
 /// Builds one case; prints the growth of the process and the footprint.
 fn child(case: &Case) {
     let desc = (case.desc)();
@@ -149,17 +160,29 @@ fn child(case: &Case) {
     let dicing = DicingRate::default();
     let cutout = Arc::new(Cutout::Primvar { name: "st".into(), threshold: 0.1 });
     let covers = [Some(CutoutCover { cutout, image: None }).filter(|_| case.is_cut)];
-    let demand = BuildDemand { wanted: &wanted, dicing: Some(&dicing), covers: &covers, ..BuildDemand::default() };
+    let amount = InputValue::Constant([0.1; 4]);
+    let preview = PreviewDisplacement { amount, texture: None, uv: None, primvar: None };
+    let displaced = [Some(Arc::new(Displacement::Preview(preview)))];
+    let displacements = if case.patch > 0 { &displaced[..] } else { &[] };
+    let demand = BuildDemand { wanted: &wanted, dicing: Some(&dicing), covers: &covers, displacements, heights: None };
     let cluster_bytes = 8 << 20;
-    let (at_once, foretold) =
-        BuildFootprint::of(&desc, &demand, case.limit, cluster_bytes).within(u64::MAX, case.at_once);
+    let patch = (case.patch > 0).then(|| patch(&desc, &demand, case.patch));
+    let footprint = match &patch {
+        Some(patch) => BuildFootprint::of_patch(&desc, &demand, patch, [case.limit, cluster_bytes]),
+        None => BuildFootprint::of(&desc, &demand, case.limit, cluster_bytes),
+    };
+    let (at_once, foretold) = footprint.within(u64::MAX, case.at_once);
     // Resets the maximum of the memory held.
     std::fs::write("/proc/self/clear_refs", "5").expect("written");
     let before = status("VmRSS:");
     let cuts = ClusterLimits { limit_bytes: case.limit, cluster_bytes, at_once };
     let mut clusters = 0;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(4).build().expect("threads");
-    let built = pool.install(|| build_mesh_into(&desc, &demand, 1, cuts, &mut |_| clusters += 1));
+    let mut put = |_| clusters += 1;
+    let built = pool.install(|| match &patch {
+        Some(patch) => build_patch_into((&desc, patch), &demand, 1, cuts, &mut put),
+        None => build_mesh_into(&desc, &demand, 1, cuts, &mut put),
+    });
     let took = status("VmHWM:").saturating_sub(before);
     assert_eq!(built.asset.is_none(), clusters > 0, "{}", case.name);
     println!("{took} {foretold} {}", built.dropped.coarse_meshes);

@@ -1,12 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The camera, as far as the size of things in the picture goes. Pure.
 
-use glam::{DMat4, DVec3, DVec4, Vec4Swizzles as _};
+use glam::{DAffine3, DMat4, DVec3, DVec4, Vec4Swizzles as _};
 
 use crate::camera::Camera;
-
-/// What is out of the picture is seen in reflections and shadows only: its edges may be so many times longer.
-const OUT_OF_PICTURE: f64 = 4.0;
+use crate::mesh::OUT_OF_PICTURE;
 
 /// Pixels of a unit of length.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -92,6 +90,16 @@ impl DicingCamera {
         let in_picture = self.density + self.focal / distance;
         let needed = if self.is_in_picture(center, radius) { in_picture } else { in_picture / OUT_OF_PICTURE };
         DicingDensity { needed, in_picture }
+    }
+
+    /// The inner sides of the picture in the frame that `map` places, if the camera is a perspective one.
+    pub(super) fn sides_in(&self, map: &DAffine3) -> Option<[DVec4; 5]> {
+        let inside = |plane: &DVec4| {
+            let normal = map.matrix3.transpose() * plane.xyz();
+            normal.extend(plane.xyz().dot(map.translation) + plane.w) / normal.length()
+        };
+        let sides: Vec<DVec4> = self.planes.iter().map(inside).collect();
+        sides.try_into().ok().filter(|sides: &[DVec4; 5]| sides.iter().all(|side| side.is_finite()))
     }
 
     /// True when some of a ball may be in the picture.

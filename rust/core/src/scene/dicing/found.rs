@@ -7,7 +7,7 @@
 //! from the old place are at most `1 + d / gap` times those from the new one, so a focal length that is larger by as
 //! much makes up for it.
 
-use glam::{DAffine3, DVec3};
+use glam::{DAffine3, DVec3, DVec4};
 
 use super::DicingCamera;
 use super::camera::DicingDensity;
@@ -30,6 +30,16 @@ const COARSER_CLOSE: f64 = 2.0;
 const MAX_GAPS: f64 = 4.0;
 /// Cells of the grid of places in a gap, at least; [`ROOM`] makes up for what rounding moves.
 const GRID: f64 = 8.0;
+/// What [`ROOM`] is for surfaces, for patches, whose edges have the nearest power of two: half a step less than wanted,
+/// at most.
+const PATCH_ROOM: f64 = std::f64::consts::SQRT_2;
+/// A patch is measured edge by edge up to so many of its radii: as a whole, its far side were cut as its near side is.
+const NEAR_PATCH: f64 = 8.0;
+/// Smallest distance from an edge of a patch that counts in a live view, as a share of the patch's radius.
+const NEAREST_LIVE_PATCH: f64 = 1.0 / 8.0;
+/// By how much the focal length of a final view is larger than it is, for patches: a place on the grid is at most half
+/// the diagonal of a cell away.
+const GRID_ROOM: f64 = 1.0 + 0.8661 / GRID;
 
 /// A near placement, in the surface's own frame.
 #[derive(Clone, Copy, Debug)]
@@ -42,10 +52,12 @@ struct NearSurface {
     /// Pixels of a unit of length, for the surface as a whole.
     density: DicingDensity,
     is_in_picture: bool,
+    /// Sides of the picture, for a patch in a final view.
+    sides: Option<[DVec4; 5]>,
 }
 
 /// How the placements of one surface are seen, in its own frame.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct SurfaceDensity {
     density: DicingDensity,
     /// Nearest first. In a live view those that are out of the picture too.
@@ -74,7 +86,38 @@ impl SurfaceDensity {
         let gap = f64::max(distance - radius, nearest);
         let step = if camera.is_live { 0.0 } else { power_below(f64::max((distance - radius) / 4.0, nearest)) };
         let position = snapped(inverse.transform_point3(camera.position), step);
-        self.near.push(NearSurface { distance, eye: CameraEye { position, nearest }, gap, density, is_in_picture });
+        let eye = CameraEye { position, nearest };
+        self.near.push(NearSurface { distance, eye, gap, density, is_in_picture, sides: None });
+        self.forget();
+    }
+
+    /// A placement of a patch: `ball` in the world, `radius` in the surface's own frame; `whole` is the radius of all
+    /// of the surface.
+    pub(super) fn see_patch(
+        &mut self,
+        camera: &DicingCamera,
+        ball: &BoundingSphere,
+        [radius, whole]: [f64; 2],
+        map: &DAffine3,
+    ) {
+        let from = ball.center.distance(camera.position);
+        let density =
+            camera.density_in(ball.center, ball.radius, ball.distance(camera.position)).stretched(stretch(map));
+        let inverse = map.inverse();
+        let is_in_picture = camera.is_in_picture(ball.center, ball.radius);
+        let is_far = from > NEAR_PATCH * ball.radius || (!is_in_picture && !camera.is_live);
+        let share = if camera.is_live { NEAREST_LIVE_PATCH * radius } else { 0.0 };
+        let nearest = power_below(f64::max(share, NEAREST_EDGE * whole));
+        if is_far || camera.focal == 0.0 || nearest == 0.0 || !inverse.is_finite() {
+            self.cover(density);
+            return;
+        }
+        let distance = from / stretch(map);
+        let gap = f64::max(distance - radius, nearest);
+        let step = if camera.is_live { 0.0 } else { power_below(gap / GRID) };
+        let eye = CameraEye { position: snapped(inverse.transform_point3(camera.position), step), nearest };
+        let sides = if camera.is_live { None } else { camera.sides_in(map) };
+        self.near.push(NearSurface { distance, eye, gap, density, is_in_picture, sides });
         self.forget();
     }
 
@@ -96,15 +139,31 @@ impl SurfaceDensity {
     /// How finely the surface is cut.
     pub(super) fn dicing(&self, camera: &DicingCamera) -> DicingRate {
         let eyes = self.near.iter().map(|near| near.eye).collect();
-        DicingRate { pixels: camera.pixels, density: half_power_above(self.density.needed), focal: camera.focal, eyes }
+        let density = half_power_above(self.density.needed);
+        DicingRate { pixels: camera.pixels, density, focal: camera.focal, eyes, views: Vec::new() }
+    }
+
+    /// How finely a patch is cut.
+    pub(super) fn patch_dicing(&self, camera: &DicingCamera) -> DicingRate {
+        let views: Option<Vec<[DVec4; 5]>> = self.near.iter().map(|near| near.sides).collect();
+        DicingRate { focal: GRID_ROOM * camera.focal, views: views.unwrap_or_default(), ..self.dicing(camera) }
+    }
+
+    /// How finely a patch is cut in a live view, where it was cut as `kept`.
+    pub(super) fn live_patch_dicing(&self, camera: &DicingCamera, kept: Option<&DicingRate>) -> DicingRate {
+        self.live_dicing_with(camera, kept, PATCH_ROOM)
     }
 
     /// How finely the surface is cut in a live view, where it was cut as `kept`.
     pub(super) fn live_dicing(&self, camera: &DicingCamera, kept: Option<&DicingRate>) -> DicingRate {
+        self.live_dicing_with(camera, kept, ROOM)
+    }
+
+    fn live_dicing_with(&self, camera: &DicingCamera, kept: Option<&DicingRate>, room: f64) -> DicingRate {
         let is_kept = |kept: &&DicingRate| {
             kept.pixels == camera.pixels && self.is_served(camera, kept) && !self.is_wasted(camera, kept)
         };
-        kept.filter(is_kept).cloned().unwrap_or_else(|| self.new_live_dicing(camera))
+        kept.filter(is_kept).cloned().unwrap_or_else(|| self.new_live_dicing(camera, room))
     }
 
     /// Whether it has what is needed everywhere.
@@ -134,7 +193,7 @@ impl SurfaceDensity {
             || !kept.eyes.iter().all(is_of_use)
     }
 
-    fn new_live_dicing(&self, camera: &DicingCamera) -> DicingRate {
+    fn new_live_dicing(&self, camera: &DicingCamera, room: f64) -> DicingRate {
         let (seen, unseen): (Vec<&NearSurface>, Vec<&NearSurface>) =
             self.near.iter().partition(|near| near.is_in_picture);
         let density = unseen.iter().map(|near| near.density.needed).fold(self.density.needed, f64::max);
@@ -149,8 +208,8 @@ impl SurfaceDensity {
         eyes.sort_by(|a, b| {
             a.position.to_array().partial_cmp(&b.position.to_array()).unwrap_or(std::cmp::Ordering::Equal)
         });
-        let focal = if eyes.is_empty() { 0.0 } else { power_above(ROOM * camera.focal) };
-        DicingRate { pixels: camera.pixels, density: power_above(density), focal, eyes }
+        let focal = if eyes.is_empty() { 0.0 } else { power_above(room * camera.focal) };
+        DicingRate { pixels: camera.pixels, density: power_above(density), focal, eyes, views: Vec::new() }
     }
 }
 

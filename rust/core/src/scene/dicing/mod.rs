@@ -10,6 +10,7 @@
 
 mod camera;
 mod found;
+mod patch_cuts;
 
 use std::sync::Arc;
 
@@ -20,21 +21,26 @@ use rustc_hash::{FxHashMap, FxHashSet};
 pub use camera::DicingCamera;
 use camera::DicingDensity;
 use found::SurfaceDensity;
+use patch_cuts::PatchDensities;
 
 use super::entries::{InstancerEntry, MeshEntry};
 use super::mesh_outline::{BoundingSphere, stretch};
 use super::resolve::{MAX_NESTING, PrimHierarchy, ScenePrims};
+use super::surface_cut::SurfaceCut;
 use crate::array::ElementType;
 use crate::desc::{InstancedBy, InstancerPrototype};
 use crate::instancing::GroupId;
 use crate::instancing::affine::usable_affine;
 use crate::instancing::placement::InstancePlacer;
-use crate::mesh::{Aabb, BuildDemand, DicingRate};
+use crate::mesh::{Aabb, BuildDemand, DicingRate, MIN_PATCHED_FACES};
 
 /// Near placements of a prototype that are gone into, from one place.
 const MAX_NEAR: usize = 8;
 /// Near placements that are gone into in all: each reads the instances below it.
 const MAX_VISITS: usize = 64;
+
+/// A surface that a live view has in patches stays in them up to so many of its radii away.
+const LEAVING_PATCHES: f64 = 3.0;
 
 /// How finely each of the `reachable` subdivision surfaces is cut, by path.
 pub(crate) fn dice(
@@ -42,7 +48,7 @@ pub(crate) fn dice(
     hierarchy: &PrimHierarchy,
     reachable: &FxHashSet<Arc<str>>,
     camera: &DicingCamera,
-) -> FxHashMap<Arc<str>, DicingRate> {
+) -> FxHashMap<Arc<str>, SurfaceCut> {
     let rate = DicingRate { pixels: camera.pixels, ..DicingRate::default() };
     let is_wanted = |entry: &MeshEntry| BuildDemand { dicing: Some(&rate), ..entry.demand() }.refines(&entry.desc);
     let refined: Vec<(&Arc<str>, &MeshEntry)> =
@@ -56,6 +62,7 @@ pub(crate) fn dice(
         bounds: &bounds,
         boxes: FxHashMap::default(),
         found: FxHashMap::default(),
+        patches: FxHashMap::default(),
         far: FxHashMap::default(),
         visits: 0,
     };
@@ -66,33 +73,48 @@ pub(crate) fn dice(
             walk.spread(&group, density, 0);
         }
     }
-    share(&refined, walk.found, camera)
+    share(&refined, walk.found, walk.patches, camera)
 }
 
 /// Prims with the same content are cut alike, so that they stay one mesh.
 fn share(
     refined: &[(&Arc<str>, &MeshEntry)],
     mut found: FxHashMap<Arc<str>, SurfaceDensity>,
+    mut patches: FxHashMap<Arc<str>, PatchDensities>,
     camera: &DicingCamera,
-) -> FxHashMap<Arc<str>, DicingRate> {
-    let mut shared: FxHashMap<u128, SurfaceDensity> = FxHashMap::default();
+) -> FxHashMap<Arc<str>, SurfaceCut> {
+    let mut shared: FxHashMap<u128, (SurfaceDensity, PatchDensities)> = FxHashMap::default();
     for (path, entry) in refined {
-        let of_content = shared.entry(entry.outline().content).or_default();
+        let (of_content, of_patches) = shared.entry(entry.outline().content).or_default();
         of_content.add(found.remove(*path).unwrap_or_default());
+        of_patches.add(patches.remove(*path).unwrap_or_default());
     }
     // What there is of a content is the same for all prims that have been cut.
-    let kept: FxHashMap<u128, &DicingRate> = refined
+    let kept: FxHashMap<u128, &MeshEntry> = refined
         .iter()
         .filter(|(_, entry)| entry.dicing.pixels > 0.0)
-        .map(|(_, entry)| (entry.outline().content, &entry.dicing))
+        .map(|(_, entry)| (entry.outline().content, *entry))
         .collect();
-    let dicing = |entry: &MeshEntry| {
+    let mut cuts: FxHashMap<u128, SurfaceCut> = FxHashMap::default();
+    let mut cut = |entry: &MeshEntry| {
         let content = entry.outline().content;
-        let found = shared.get(&content)?;
+        if let Some(known) = cuts.get(&content) {
+            return Some(known.clone());
+        }
+        let (found, patches) = shared.get(&content)?;
         let kept = kept.get(&content).copied().filter(|_| camera.is_live);
-        Some(if camera.is_live { found.live_dicing(camera, kept) } else { found.dicing(camera) })
+        let cut = match patches.cut(camera, entry, kept.and_then(|kept| kept.cuts.as_ref())) {
+            Some(patches) => SurfaceCut::of_patches(camera.pixels, patches),
+            None => {
+                let kept = kept.filter(|kept| kept.cuts.is_none()).map(|kept| &kept.dicing);
+                let dicing = if camera.is_live { found.live_dicing(camera, kept) } else { found.dicing(camera) };
+                SurfaceCut { dicing, patches: None }
+            }
+        };
+        cuts.insert(content, cut.clone());
+        Some(cut)
     };
-    refined.iter().map(|(path, entry)| ((*path).clone(), dicing(entry).unwrap_or_default())).collect()
+    refined.iter().map(|(path, entry)| ((*path).clone(), cut(entry).unwrap_or_default())).collect()
 }
 
 struct DicingTraversal<'a> {
@@ -104,6 +126,8 @@ struct DicingTraversal<'a> {
     /// Boxes of what is cut in each prototype, in its own frame; empty where nothing is.
     boxes: FxHashMap<GroupId, Aabb>,
     found: FxHashMap<Arc<str>, SurfaceDensity>,
+    /// The same for the patches of surfaces that have a near placement.
+    patches: FxHashMap<Arc<str>, PatchDensities>,
     /// Pixels of a unit of length in a prototype's frame, for those of its placements that are not gone into.
     far: FxHashMap<GroupId, DicingDensity>,
     visits: usize,
@@ -139,7 +163,9 @@ impl<'a> DicingTraversal<'a> {
     fn visit(&mut self, group: &GroupId, world_from_group: &DAffine3, depth: u32) {
         for (path, ball, map) in self.surfaces(group) {
             let map = *world_from_group * map;
-            self.found.entry(path.clone()).or_default().see(self.camera, &ball.placed(&map), ball.radius, &map);
+            let placed = ball.placed(&map);
+            self.found.entry(path.clone()).or_default().see(self.camera, &placed, ball.radius, &map);
+            self.see_patches(path, &ball, &placed, &map);
         }
         if depth >= MAX_NESTING {
             return;
@@ -163,6 +189,24 @@ impl<'a> DicingTraversal<'a> {
                 for placement in near {
                     self.visit(&id, &placement.map, depth + 1);
                 }
+            }
+        }
+    }
+
+    /// A placement of a surface, patch by patch.
+    fn see_patches(&mut self, path: &Arc<str>, ball: &BoundingSphere, placed: &BoundingSphere, map: &DAffine3) {
+        let camera = self.camera;
+        let Some(entry) = self.prims.meshes.get(path) else { return };
+        if entry.desc.face_vertex_counts.len() < MIN_PATCHED_FACES {
+            return;
+        }
+        let found = self.patches.entry(path.clone()).or_default();
+        let radii = if camera.is_live && entry.cuts.is_some() { LEAVING_PATCHES } else { 2.0 };
+        match entry.patches().filter(|_| placed.is_within(radii, camera.position)) {
+            Some(patches) => found.see(camera, patches, ball.radius, map),
+            None => {
+                let distance = placed.distance(camera.position);
+                found.cover(camera.density_in(placed.center, placed.radius, distance).stretched(stretch(map)));
             }
         }
     }
@@ -233,7 +277,9 @@ impl<'a> DicingTraversal<'a> {
         }
         self.far.insert(id.clone(), density);
         for (path, _, map) in self.surfaces(id) {
-            self.found.entry(path.clone()).or_default().cover(density.stretched(stretch(&map)));
+            let density = density.stretched(stretch(&map));
+            self.found.entry(path.clone()).or_default().cover(density);
+            self.patches.entry(path.clone()).or_default().scatter();
         }
         for (entry, before) in self.instancers(id) {
             for prototype in &entry.desc.prototypes {

@@ -80,7 +80,7 @@ fn curve_pieces_stay_within_their_tolerance() {
     };
     let mut before = 0;
     for density in [1.0, 30.0, 300.0] {
-        let dicing = DicingRate { pixels: 2.0, density, focal: 1.0, eyes: Vec::new() };
+        let dicing = DicingRate { pixels: 2.0, density, focal: 1.0, ..DicingRate::default() };
         let thin = MeshDesc {
             widths: Some(primvar(Interpolation::Constant, vec![1e-4_f32])),
             ..curves(CurveBasis::Bezier, CurveWrap::Nonperiodic, &[4], &ZIGZAG)
@@ -334,7 +334,7 @@ proptest! {
         if let PrimShape::Curves(curves) = &mut desc.shape {
             curves.indices = indices.map(TypedArray::of);
         }
-        let dicing = DicingRate { pixels: 2.0, density, focal: 1.0, eyes: Vec::new() };
+        let dicing = DicingRate { pixels: 2.0, density, focal: 1.0, ..DicingRate::default() };
         for desc in [desc.clone(), MeshDesc { shape: PrimShape::Points, ..desc }] {
             if let Some(asset) = build_with(&desc, &[], &dicing).asset {
                 prop_assert!(!asset.triangles.is_empty(), "an asset has something");

@@ -329,6 +329,7 @@ fn displaced_faces_stay_watertight_at_texture_and_normal_seams() {
         density: 1.0,
         focal: 30.0,
         eyes: vec![oocpt_core::mesh::CameraEye { position: DVec3::new(1.5, 2.0, 1.2), nearest: 0.1 }],
+        ..DicingRate::default()
     };
     let heights = HeightCache::new(Some(Arc::new(Files)));
     let displacements = [Some(displacement(&textured("waves", "r", &wraps("clamp"), &[])))];

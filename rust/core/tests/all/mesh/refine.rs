@@ -218,7 +218,7 @@ fn a_mesh_that_cannot_be_refined_stays_polygonal_and_is_counted() {
 #[test]
 fn edge_rates_follow_projected_edge_length() {
     let near = |distance: f64| CameraEye { position: DVec3::new(0.0, 0.0, 1.0 + distance), nearest: 0.01 };
-    let dicing = |eyes| DicingRate { pixels: 2.0, density: 1.0, focal: 100.0, eyes };
+    let dicing = |eyes| DicingRate { pixels: 2.0, density: 1.0, focal: 100.0, eyes, views: Vec::new() };
     let (a, b) = (DVec3::new(-1.0, 0.0, 1.0), DVec3::new(1.0, 0.0, 1.0));
     let pieces = |dicing: &DicingRate| dicing.pieces(a, b, 1);
     // Two units: 2 pixels without an eye; at distance 10 they cover 20 pixels, ten pieces of two.

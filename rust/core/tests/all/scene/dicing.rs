@@ -17,7 +17,7 @@ fn camera(position: DVec3) -> DicingCamera {
 }
 
 /// A camera that sees half as much at a `zoom` of 2, in so many pixels.
-fn camera_with(world_from_view: DMat4, zoom: f64, pixels: u16) -> DicingCamera {
+pub(super) fn camera_with(world_from_view: DMat4, zoom: f64, pixels: u16) -> DicingCamera {
     let [x, y] = [DVec4::X * zoom, DVec4::Y * zoom];
     let projection = DMat4::from_cols(x, y, DVec4::new(0.0, 0.0, -1.0, -1.0), DVec4::Z * -0.2);
     let camera = Camera {
@@ -116,7 +116,13 @@ fn prims_with_equal_content_share_one_diced_mesh() {
 }
 
 /// `/i` has instances at `places` with the scale `scale`; each is the cube.
-fn instancer(path: &str, root: &str, places: &[[f32; 3]], scale: f32, by: Vec<InstancedBy>) -> InstancerDesc {
+pub(super) fn instancer(
+    path: &str,
+    root: &str,
+    places: &[[f32; 3]],
+    scale: f32,
+    by: Vec<InstancedBy>,
+) -> InstancerDesc {
     let indices: Vec<i32> = (0..i32::try_from(places.len()).expect("few")).collect();
     InstancerDesc {
         prim: PrimDesc { path: path.into(), instanced_by: by, ..PrimDesc::default() },
@@ -127,7 +133,7 @@ fn instancer(path: &str, root: &str, places: &[[f32; 3]], scale: f32, by: Vec<In
     }
 }
 
-fn by(instancer: &str, root: &str) -> Vec<InstancedBy> {
+pub(super) fn by(instancer: &str, root: &str) -> Vec<InstancedBy> {
     vec![InstancedBy { instancer: instancer.into(), prototype_root: root.into() }]
 }
 
@@ -197,7 +203,7 @@ fn dicing_ends_on_recursive_prototypes() {
 }
 
 /// Commits as a live view sees the scene; gives how many meshes were built for it.
-fn look(db: &mut SceneDb, camera: DicingCamera) -> u64 {
+pub(super) fn look(db: &mut SceneDb, camera: DicingCamera) -> u64 {
     let before = db.meshes_made();
     db.set_dicing(camera.live(true));
     db.commit();

@@ -10,4 +10,5 @@ mod light;
 mod linking;
 mod mesh_lights;
 mod mesh_placements;
+mod patches;
 mod primvar_uses;
