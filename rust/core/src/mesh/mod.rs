@@ -78,12 +78,9 @@ pub use key::mesh_key;
 pub(crate) use key::{is_same_mesh, mesh_key_with};
 pub use leaf::LeafKind;
 pub use level::{LevelTree, build_level, level_node_count, likely_level_stack};
-<<<<<<< HEAD
 pub use level_shape::{LevelShape, RefittedLevel};
-=======
 pub(crate) use patch::MeshPatch;
 pub(crate) use patches::{MIN_PATCHED_FACES, MeshPatches};
->>>>>>> c62f828339aeb8073c7756ed3aa25be12a6bfe9a
 pub use ptex::{MAX_PTEX_FACES, PtexPart, PtexTriangle};
 pub(crate) use recipe::{MeshRecipe, MeshStorage};
 pub(crate) use refine::EdgeRates;
