@@ -181,8 +181,8 @@ impl Chunk {
         self.key
     }
 
-    /// Chunks of equal shapes have the same records in the same order, elsewhere: the key of the chunk that this one was
-    /// before its records moved, or its own.
+    /// Chunks of equal shapes have the same records in the same order, elsewhere: the key of the chunk that this one
+    /// was before its records moved, or its own.
     #[must_use]
     pub fn shape(&self) -> u64 {
         self.held.map_or(self.key, |held| held.shape)
