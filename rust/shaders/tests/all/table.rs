@@ -26,7 +26,7 @@ fn conditions_take_features_and_images() {
     assert!(has(Pass::ResolveMaterials, textured, None) && !has(Pass::ResolveLights, textured, None));
     let lights = textured | Features::MESH_LIGHT_VALUES;
     assert!(!has(Pass::ResolveMaterials, lights, None) && has(Pass::ResolveLights, lights, None), "one of the two");
-    assert!(!has(Pass::ShadeAovs, lights, None) && has(Pass::ShadeAovs, lights, Some(PassImage::PixelCentres)));
+    assert!(!has(Pass::ShadeAovs, lights, None) && has(Pass::ShadeAovs, lights, Some(PassImage::FirstHits)));
     assert!(!has(Pass::CountSamples, lights, Some(PassImage::PixelCentres)));
 }
 
