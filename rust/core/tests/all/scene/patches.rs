@@ -59,10 +59,10 @@ fn cracks(snapshot: &Snapshot) -> (usize, usize) {
         let mesh = asset(mesh);
         let known = mesh.normals.as_ref().expect("normals");
         for (triangle, corners) in mesh.triangles.iter().zip(&mesh.corner_indices) {
-            for k in 0..3 {
+            for (k, corner) in corners.iter().enumerate() {
                 let (from, to) = (triangle.vertices[k], triangle.vertices[(k + 1) % 3]);
                 *edges.entry((bits(from), bits(to))).or_insert((0, from)) = (1, from);
-                let normal = Vec3::from(known.values[corners[k] as usize]);
+                let normal = Vec3::from(known.values[*corner as usize]);
                 bent += usize::from(normals.entry(bits(from)).or_insert(normal).dot(normal) < 0.9999);
             }
         }
