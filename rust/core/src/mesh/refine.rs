@@ -120,21 +120,12 @@ fn try_refine(
     // The rates are those of the frame's own time, so all poses are cut alike.
     let moved = poses.iter().map(|pose| tessellate(&pose.points)).collect::<Result<Vec<LimitFacets>, Error>>()?;
     let mut desc = values.replace(desc, &facets);
-    let left_handed = desc.left_handed;
-    let displace = |facets: &mut LimitFacets, desc: &MeshDesc, dropped: &mut DroppedData| {
-        let normals = normals(facets, left_handed);
-        if !displaces {
-            return (normals, Vec::new());
-        }
-        let (faces, face_count) = (&cage.faces[..], topology.face_count);
-        let cut = DicedMesh { facets, faces, desc, face_count, normals, is_flat, is_patch: patch.is_some() };
-        let DisplacedVertices { positions, normals, notes } = cut.displace(demand, dropped);
-        facets.positions = positions.into_flattened();
-        (normals, notes)
-    };
-    let (normals, notes) = displace(&mut facets, &desc, dropped);
+    let tessellated = TessellatedShape { shape, cage: &cage, is_flat };
+    let displace =
+        |facets: &mut LimitFacets, dropped: &mut DroppedData| tessellated.displace(facets, &desc, demand, dropped);
+    let (normals, notes) = displace(&mut facets, dropped);
     let at_key = |(pose, mut facets): (&PointsPose, LimitFacets)| {
-        let (normals, _) = displace(&mut facets, &desc, &mut DroppedData::default());
+        let (normals, _) = displace(&mut facets, &mut DroppedData::default());
         let points = facets.positions.as_chunks::<3>().0.to_vec();
         PointsPose { normals: Some(TypedArray::of(normals)), ..PointsPose::at(pose.time, points) }
     };
@@ -142,6 +133,37 @@ fn try_refine(
     let values = TypedArray::of(normals);
     desc.normals = Some(Primvar { interpolation: Interpolation::Vertex, values, indices: None });
     Ok(RefinedMesh { topology: refined_topology(topology, &cage, &facets), desc, poses, notes })
+}
+
+/// A control mesh that has been cut.
+struct TessellatedShape<'a> {
+    shape: ControlShape<'a>,
+    cage: &'a SubdivisionCage,
+    /// True if its faces are flat.
+    is_flat: bool,
+}
+
+impl TessellatedShape<'_> {
+    /// Moves the vertices if that is asked for; returns their normals, and messages for the user. `desc` has the values
+    /// at the vertices.
+    fn displace(
+        &self,
+        facets: &mut LimitFacets,
+        desc: &MeshDesc,
+        demand: &BuildDemand<'_>,
+        dropped: &mut DroppedData,
+    ) -> (Vec<[f32; 3]>, Vec<String>) {
+        let normals = normals(facets, desc.left_handed);
+        if !demand.displaces(desc) {
+            return (normals, Vec::new());
+        }
+        let Self { shape: ControlShape { topology, patch, .. }, cage, is_flat } = *self;
+        let (faces, face_count) = (&cage.faces[..], topology.face_count);
+        let cut = DicedMesh { facets, faces, desc, face_count, normals, is_flat, is_patch: patch.is_some() };
+        let DisplacedVertices { positions, normals, notes } = cut.displace(demand, dropped);
+        facets.positions = positions.into_flattened();
+        (normals, notes)
+    }
 }
 
 fn rules(desc: &MeshDesc) -> SubdivisionRules {

@@ -59,16 +59,16 @@ fn cracks(snapshot: &Snapshot) -> (usize, usize) {
         let mesh = asset(mesh);
         let known = mesh.normals.as_ref().expect("normals");
         for (triangle, corners) in mesh.triangles.iter().zip(&mesh.corner_indices) {
-            for k in 0..3 {
+            for (k, corner) in corners.iter().enumerate() {
                 let (from, to) = (triangle.vertices[k], triangle.vertices[(k + 1) % 3]);
-                *edges.entry((bits(from), bits(to))).or_insert((0, from)) = (1, from);
-                let normal = Vec3::from(known.values[corners[k] as usize]);
+                edges.insert((bits(from), bits(to)), from);
+                let normal = Vec3::from(known.values[*corner as usize]);
                 bent += usize::from(normals.entry(bits(from)).or_insert(normal).dot(normal) < 0.9999);
             }
         }
     }
     let is_inside = |[x, _, z]: [f32; 3]| x.abs().max(z.abs()) < f32::from(SIDE) - 1.5;
-    let open = edges.iter().filter(|((from, to), (_, at))| is_inside(*at) && !edges.contains_key(&(*to, *from)));
+    let open = edges.iter().filter(|((from, to), at)| is_inside(**at) && !edges.contains_key(&(*to, *from)));
     (open.count(), bent)
 }
 
