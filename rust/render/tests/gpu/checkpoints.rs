@@ -160,7 +160,8 @@ fn a_kill_at_any_moment_costs_no_bit() {
 fn a_render_that_is_stopped_keeps_what_it_has() {
     let folder = Folder::new("stopped");
     let (file, way) = (folder.file("film"), by(TraversalKind::Compute));
-    let session = open(nested, Settings { checkpoint_secs: 1e9, ..with_file(&way, 1 << 20, &file) }, false);
+    // More than a fast device has done by then.
+    let session = open(nested, Settings { checkpoint_secs: 1e9, ..with_file(&way, 1 << 26, &file) }, false);
     session.render(view());
     let end = Instant::now() + TIMEOUT;
     while session.stats().samples_completed < 3 {
