@@ -172,6 +172,7 @@ fn settings_are_listed_in_order() {
         "OOCPT_MAX_TRANSMISSION_BOUNCES",
         "OOCPT_PIXEL_FILTER",
         "OOCPT_PIXEL_FILTER_WIDTH",
+        "OOCPT_FILTER_AOVS",
         "OOCPT_CHECKPOINT",
         "OOCPT_CHECKPOINT_INTERVAL",
         "OOCPT_FILM_PART",

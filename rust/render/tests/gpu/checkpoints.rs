@@ -161,7 +161,7 @@ fn a_render_that_is_stopped_keeps_what_it_has() {
     let folder = Folder::new("stopped");
     let (file, way) = (folder.file("film"), by(TraversalKind::Compute));
     // More than a fast device has done by then.
-    let session = open(nested, Settings { checkpoint_secs: 1e9, ..with_file(&way, 1 << 26, &file) }, false);
+    let session = open(nested, Settings { checkpoint_secs: 1e9, ..with_file(&way, 1 << 24, &file) }, false);
     session.render(view());
     let end = Instant::now() + TIMEOUT;
     while session.stats().samples_completed < 3 {
