@@ -20,6 +20,18 @@ use rows::{Also, BARE, Names, Row};
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
+/// The image that a row has rendered beside the colour.
+fn image_of(also: Also) -> AovKind {
+    match also {
+        Also::Depth => AovKind::Depth,
+        Also::Albedo | Also::Filtered | Also::StreamedFiltered => AovKind::Albedo,
+        Also::Errors => AovKind::Error,
+        Also::Counts => AovKind::SampleCount,
+        Also::Motion => AovKind::Motion,
+        _ => AovKind::Color,
+    }
+}
+
 /// Renders a row; gives what it was made of and its images.
 fn render(row: &Row, forced_features: ForcedFeatures) -> (RenderInventory, Vec<Vec<u8>>) {
     let streams = matches!(row.also, Also::Streaming | Also::Mapped | Also::Roulette | Also::StreamedFiltered);
@@ -66,14 +78,7 @@ fn render(row: &Row, forced_features: ForcedFeatures) -> (RenderInventory, Vec<V
         camera.clip_planes = vec![DVec4::new(1.0, 0.0, 0.0, 0.0)];
     }
     let mut request = request(camera);
-    let more = match row.also {
-        Also::Depth => AovKind::Depth,
-        Also::Albedo | Also::Filtered | Also::StreamedFiltered => AovKind::Albedo,
-        Also::Errors => AovKind::Error,
-        Also::Counts => AovKind::SampleCount,
-        Also::Motion => AovKind::Motion,
-        _ => AovKind::Color,
-    };
+    let more = image_of(row.also);
     request.aovs.retain(|aov| aov.kind == AovKind::Color || aov.kind == more);
     support::render(&session, &request);
     if row.also == Also::ChunkReport {

@@ -73,9 +73,9 @@ fn ray(camera: &Camera, p: [f64; 2], lens: [f64; 2]) -> (DVec3, DVec3) {
     let [width, height] = SIZE.map(f64::from);
     let (x, y) = (2.0 * p[0] / width - 1.0, 2.0 * p[1] / height - 1.0);
     // In focus: the ray of a pinhole at the distance of the focus.
-    let in_focus = DVec3::new(x / camera.projection.x_axis.x, y / camera.projection.y_axis.y, -1.0)
-        * f64::from(camera.focus_distance);
-    let lens = DVec3::new(lens[0], lens[1], 0.0) * f64::from(camera.lens_radius);
+    let in_focus =
+        DVec3::new(x / camera.projection.x_axis.x, y / camera.projection.y_axis.y, -1.0) * camera.focus_distance;
+    let lens = DVec3::new(lens[0], lens[1], 0.0) * camera.lens_radius;
     let world = &camera.world_from_view;
     (world.transform_point3(lens), world.transform_vector3((in_focus - lens).normalize()))
 }
