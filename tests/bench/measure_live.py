@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What an artist waits for in a live host: what `cargo xtask bench live` runs.
 
-    measure_live.py [--scenes forest1000,forest100000,creature] [--scene FILE[,camera=PATH][,frame=TIME]]
+    measure_live.py [--scenes forest1000,forest100000,creature,terrain] [--scene FILE[,camera=PATH][,frame=TIME]]
         [--width 1280] [--height 720] [--samples 16] [--moves 12] [--limit 60] [--json FILE] [--host PYTHON]
 
 Each scene is opened in a Hydra engine without a window, in a process of its own (live_process.py): the camera tumbles,
@@ -32,6 +32,7 @@ MADE = {
     "forest1000": ["forest.py", "--instances", "1000"],
     "forest100000": ["forest.py", "--instances", "100000"],
     "creature": ["creature.py"],
+    "terrain": ["terrain.py"],
 }
 COLUMNS = (
     ("scene", 14), ("move", 20), ("held ms", 8), ("p99", 7), ("first ms", 8), ("p99", 7), ("full ms", 8), ("p99", 7),
@@ -109,7 +110,7 @@ def make_parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="cargo xtask bench live")
     add = parser.add_argument
     made = lambda text: names(text, MADE)
-    add("--scenes", type=made, default=list(MADE), help="made here; '' for none (default: all three)")
+    add("--scenes", type=made, default=list(MADE), help="made here; '' for none (default: all)")
     add("--scene", action="append", default=[], help="any file: FILE[,camera=PATH][,frame=TIME]; may be repeated")
     add("--width", type=int, default=1280)
     add("--height", type=int, default=720)

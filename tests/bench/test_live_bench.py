@@ -45,10 +45,11 @@ def test_a_scene_that_cannot_be_opened_says_why(tmp_path):
     assert rows == [] and failed, "nor a host that is not there"
 
 
-def test_a_creature_is_looked_at_in_a_real_host(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(bench, "MADE", {"creature": ["creature.py", "--side", "6"]})
+@pytest.mark.parametrize(("name", "side"), [("creature", "6"), ("terrain", "16")])
+def test_a_scene_is_looked_at_in_a_real_host(name, side, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(bench, "MADE", {name: [f"{name}.py", "--side", side]})
     made = tmp_path / "live.json"
-    words = ["measure_live.py", "--scenes", "creature", "--width", "48", "--height", "27", "--samples", "2"]
+    words = ["measure_live.py", "--scenes", name, "--width", "48", "--height", "27", "--samples", "2"]
     monkeypatch.setattr(sys, "argv", [*words, "--moves", "2", "--work", str(tmp_path), "--json", str(made)])
     assert bench.main() == 0, capsys.readouterr().out
     rows = {row["move"]: row for row in json.loads(made.read_text())["rows"]}
