@@ -36,7 +36,8 @@ pub(crate) fn packed(raw: &[u8], stride: usize) -> WrittenChunk {
     WrittenChunk { raw: u32::try_from(raw.len()).unwrap_or(u32::MAX), bytes: packing::pack(raw, stride) }
 }
 
-/// Writes a whole film file: `blocks` puts its blocks. Readers see the old file or the new one.
+/// Writes a whole film file: `blocks` puts its blocks. Readers see the old file or the new one, which is on the disk by
+/// then.
 ///
 /// # Errors
 /// [`FilmError::File`], or what `blocks` returns.
@@ -134,6 +135,7 @@ impl FilmWriter {
     fn finish(mut self) -> Result<(), FilmError> {
         self.begin_block(END, 1)?;
         self.end_block()?;
-        self.file.flush().map_err(FilmError::file(&self.path))
+        // On the disk before it takes the place of an older file: a machine that goes away then loses neither.
+        self.file.flush().and_then(|()| self.file.get_ref().sync_all()).map_err(FilmError::file(&self.path))
     }
 }
