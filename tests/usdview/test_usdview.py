@@ -86,7 +86,7 @@ def starting():
     named = os.environ.get("OOCPT_TESTUSDVIEW")
     if named:
         command = shlex.split(named)
-    elif os.environ.get("OOCPT_USD_ROOT"):
+    elif (Path(os.environ.get("OOCPT_USD_ROOT") or os.devnull) / "bin/testusdview").is_file():
         command = ["bash", "-c", 'eval "$(cargo xtask env)" && exec testusdview "$@"', "testusdview"]
     else:
         return None

@@ -78,17 +78,11 @@ impl<'b> BvhCollapse<'b> {
                 }
             }
         }
-        let area = |part: &CollapsedChild| if in_order && part.count > 0 { 0.0 } else { half_area(&part.bounds) };
+        let area = |part: &CollapsedChild| if in_order && part.count > 0 { 0.0 } else { part.bounds.half_area() };
         let is_leaf = |part: &CollapsedChild| part.count > 0;
         parts.sort_by(|a, b| is_leaf(a).cmp(&is_leaf(b)).then(area(b).total_cmp(&area(a))));
         parts
     }
-}
-
-/// Half the surface of a box, which single precision may not hold.
-fn half_area(b: &Aabb) -> f64 {
-    let [x, y, z] = [0, 1, 2].map(|k| f64::from(b.max[k]) - f64::from(b.min[k]));
-    x * y + y * z + z * x
 }
 
 /// The node on a side, if there is one.
@@ -113,7 +107,7 @@ impl ForestChoice {
                 }
             }
         }
-        best.cost[0] = half_area(bounds) + cut[MAX_TREES - 1];
+        best.cost[0] = bounds.half_area() + cut[MAX_TREES - 1];
         for (trees, number) in (2..WIDTH).zip(2..) {
             let (fewer, apart) = (best.cost[trees - 2], cut[trees - 2]);
             (best.cost[trees - 1], best.used[trees - 1]) =
@@ -134,7 +128,7 @@ mod tests {
         let mut sum = 0.0;
         for root in (0..bvh.nodes.len()).filter(|at| roots >> at & 1 != 0) {
             let node = &bvh.nodes[root];
-            sum += half_area(&node.bounds(0).union(&node.bounds(1)));
+            sum += node.bounds(0).union(&node.bounds(1)).half_area();
             let (mut open, mut children) = (vec![root], 0);
             while let Some(at) = open.pop() {
                 for side in 0..2 {
@@ -173,7 +167,7 @@ mod tests {
             while let Some(at) = open.pop() {
                 roots |= 1 << at;
                 let parts = collapse.children(at, false);
-                let places = parts.iter().map(|part| (part.count > 0, -half_area(&part.bounds)));
+                let places = parts.iter().map(|part| (part.count > 0, -part.bounds.half_area()));
                 assert!(parts.len() <= WIDTH && places.is_sorted(), "nodes first, the largest first: {parts:?}");
                 leaves += parts.iter().filter(|part| part.count > 0).count();
                 open.extend(parts.iter().filter(|part| part.count == 0).map(|part| part.child));

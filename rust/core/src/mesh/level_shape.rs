@@ -86,19 +86,10 @@ impl LevelShape {
                 node => around.get(node as usize).copied().unwrap_or(Aabb::EMPTY),
             });
             let all = bounds.iter().fold(Aabb::EMPTY, |all, b| all.union(b));
-            sum += half_area(&all);
+            sum += if all.is_empty() { 0.0 } else { all.half_area() };
             around[at] = all;
             emit(at, &bounds, *child);
         }
         sum
     }
-}
-
-/// Half the surface of a box; 0 of an empty one.
-fn half_area(b: &Aabb) -> f64 {
-    if b.is_empty() {
-        return 0.0;
-    }
-    let [x, y, z] = [0, 1, 2].map(|k| f64::from(b.max[k]) - f64::from(b.min[k]));
-    x * y + y * z + z * x
 }

@@ -137,6 +137,13 @@ impl Aabb {
         self.union(&Self { min: p, max: p })
     }
 
+    /// Half the surface of a box that is not empty, which single precision may not hold.
+    #[must_use]
+    pub fn half_area(&self) -> f64 {
+        let [x, y, z] = [0, 1, 2].map(|k| f64::from(self.max[k]) - f64::from(self.min[k]));
+        x * y + y * z + z * x
+    }
+
     /// Returns true if `other` lies inside (an empty box lies inside every box).
     #[must_use]
     pub fn contains(&self, other: &Self) -> bool {

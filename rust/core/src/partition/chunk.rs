@@ -377,7 +377,7 @@ impl Chunk {
 
     /// The chunk whose records, which `members` place now, fill `bounds`; without key.
     pub(crate) fn moved(&self, members: Arc<[AssemblyMember]>, bounds: Aabb) -> Self {
-        let held = self.held.unwrap_or_else(|| HeldChunk { shape: self.key, area: half_area(&self.bounds) });
+        let held = self.held.unwrap_or_else(|| HeldChunk { shape: self.key, area: self.bounds.half_area() });
         Self {
             key: 0,
             origin: self.origin,
@@ -503,10 +503,4 @@ fn bounds_about(origin: DVec3, [min, max]: [DVec3; 2], spread: f64) -> Aabb {
         min: (min - origin - error).to_array().map(round_down),
         max: (max - origin + error).to_array().map(round_up),
     }
-}
-
-/// Half the surface of a box that is not empty.
-pub(crate) fn half_area(b: &Aabb) -> f64 {
-    let [x, y, z] = [0, 1, 2].map(|k| f64::from(b.max[k]) - f64::from(b.min[k]));
-    x * y + y * z + z * x
 }

@@ -12,7 +12,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 
-use super::chunk::{Chunk, MemberReaders, half_area};
+use super::chunk::{Chunk, MemberReaders};
 use super::part::{AssemblyPart, PartitionJob};
 use crate::instancing::assembly::{AssemblyMember, MovedRanks};
 use crate::instancing::item::PlacementItem;
@@ -153,7 +153,7 @@ impl HeldMembers<'_> {
 
 /// Whether the records of each chunk are still near each other.
 fn are_near(chunks: &[Arc<Chunk>]) -> bool {
-    let area = |chunk: &Chunk| half_area(&chunk.bounds());
+    let area = |chunk: &Chunk| chunk.bounds().half_area();
     let held = || chunks.iter().filter_map(|chunk| Some((chunk.held?.area, area(chunk))));
     let others: f64 = chunks.iter().filter(|chunk| !chunk.is_held()).map(|chunk| area(chunk)).sum();
     let [before, now] = held().fold([others; 2], |[before, now], (was, is)| [before + was, now + is]);

@@ -130,11 +130,13 @@ impl FilmPart {
             return Ok(());
         }
         let Some((records, at)) = film.exact_records() else { return Ok(()) };
-        let mut film = self.settled()?;
+        self.settle()?;
         let bytes = usize::try_from(records.size() - at).unwrap_or(usize::MAX);
         let mut plane: Vec<ExactPixel> = bytemuck::zeroed_vec(bytes / size_of::<ExactPixel>());
         self.transfer.take(records, at, bytemuck::cast_slice_mut(&mut plane))?;
         self.transfer.clear(records, at)?;
+        // The film stays here until all records have come: a device that is lost leaves what is whole.
+        let mut film = self.film.take().ok_or_else(lost)?;
         let range = SampleRange::new(self.begin, end);
         let add = move || film.add(range, plane).map(|()| film);
         let thread = std::thread::Builder::new().name("oocpt-film".into()).spawn(add);
@@ -143,13 +145,12 @@ impl FilmPart {
         Ok(())
     }
 
-    /// The film, once nothing is being added to it; whoever takes it puts it back.
-    fn settled(&mut self) -> Result<ExactFilm, RenderError> {
+    /// Waits until nothing is being added to the film.
+    fn settle(&mut self) -> Result<(), RenderError> {
         if let Some(adding) = self.adding.take() {
-            let added = adding.join().map_err(|_panic| RenderError::Internal("a film was lost".to_owned()))?;
-            self.film = Some(added.map_err(internal)?);
+            self.film = Some(adding.join().map_err(|_panic| lost())?.map_err(internal)?);
         }
-        self.film.take().ok_or_else(|| RenderError::Internal("a film was lost".to_owned()))
+        Ok(())
     }
 
     /// Writes the file; `nonfinite` samples of this render were not finite.
@@ -158,15 +159,14 @@ impl FilmPart {
         let millis = u64::try_from(began.duration_since(self.noted).as_millis()).unwrap_or(u64::MAX);
         let since = nonfinite.saturating_sub(self.nonfinite);
         (self.noted, self.nonfinite) = (began, nonfinite);
-        let mut film = match self.settled() {
-            Ok(film) => film,
-            Err(error) => return complain(shared, &error.to_string()),
-        };
-        film.note(since, millis, self.gpu.memory().peak, &device_text(self.gpu.report()));
-        if let Err(error) = film.write(&self.path) {
-            complain(shared, &error.to_string());
+        let settled = self.settle().and_then(|()| self.film.as_mut().ok_or_else(lost));
+        let written = settled.map_err(|error| error.to_string()).and_then(|film| {
+            film.note(since, millis, self.gpu.memory().peak, &device_text(self.gpu.report()));
+            film.write(&self.path).map_err(|error| error.to_string())
+        });
+        if let Err(text) = written {
+            complain(shared, &text);
         }
-        self.film = Some(film);
         let now = Instant::now();
         self.next = now.checked_add(self.interval).unwrap_or(now);
     }
@@ -186,6 +186,10 @@ fn unfinished(path: &Path, header: &FilmHeader, first: u32, end: u32) -> Option<
     let [range] = *found.samples() else { return None };
     let serves = found.differences(header).is_empty() && range.begin == first && range.end < end;
     serves.then(|| ExactFilm::read(path, u64::MAX).ok()).flatten()
+}
+
+fn lost() -> RenderError {
+    RenderError::Internal("the samples of a film part were lost".to_owned())
 }
 
 fn internal(error: FilmError) -> RenderError {

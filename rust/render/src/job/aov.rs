@@ -84,8 +84,7 @@ impl AovKind {
     /// [`oocpt_core::settings::Settings::filter_aovs`] is set; the mean of ids, depths or vectors of motion at an edge
     /// is that of no surface.
     pub fn is_filterable(self) -> bool {
-        let shading = matches!(self, Self::Normal | Self::Neye | Self::Albedo);
-        shading || matches!(self, Self::Position | Self::Peye | Self::GeometricNormal)
+        matches!(self, Self::Normal | Self::Neye | Self::Albedo | Self::Position | Self::Peye | Self::GeometricNormal)
     }
 
     /// Whether the image says something of the samples of `Color`.
