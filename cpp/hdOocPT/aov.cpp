@@ -172,6 +172,7 @@ std::vector<HdOocPTAov> _MakeAovs()
         { TfToken("position"), HdFormatFloat32Vec3, zero3 },
         { TfToken("Peye"), HdFormatFloat32Vec3, zero3 },
         { TfToken("Ng"), HdFormatFloat32Vec3, zero3 },
+        { TfToken("denoised"), HdFormatFloat32Vec4, VtValue(GfVec4f(0.0f)) },
         { TfToken("variance"), HdFormatFloat32Vec3, zero3 },
         { TfToken("error"), HdFormatFloat32, VtValue(0.0f) },
     };

@@ -42,6 +42,8 @@ Classifier: Topic :: Multimedia :: Graphics :: 3D Rendering
 Requires-Python: ==3.11.*
 Requires-Dist: bpy=={bpy}
 Requires-Dist: numpy
+Provides-Extra: denoise
+Requires-Dist: pyoidn; extra == "denoise"
 Description-Content-Type: text/markdown
 
 {description}"""

@@ -36,7 +36,8 @@ LISTED = [
     "oocpt:stragglerRoulette", "oocpt:adaptiveSampling", "oocpt:textureCache", "oocpt:textureCacheSize",
     "oocpt:geometryCache", "oocpt:geometryCacheSize", "oocpt:pipelineCache",
     "oocpt:maxDiffuseBounces", "oocpt:maxSpecularBounces", "oocpt:maxTransmissionBounces",
-    "oocpt:pixelFilter", "oocpt:pixelFilterWidth", "oocpt:filterAovs", "oocpt:products",
+    "oocpt:pixelFilter", "oocpt:pixelFilterWidth", "oocpt:filterAovs", "oocpt:denoise",
+    "oocpt:denoiserLibrary", "oocpt:products",
     "oocpt:checkpoint", "oocpt:checkpointInterval", "oocpt:filmPart", "oocpt:sampleRange",
     "convergedSamplesPerPixel", "enableInteractive", "domeLightCameraVisibility", "enableSceneLights",
 ]  # fmt: skip

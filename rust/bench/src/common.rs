@@ -263,7 +263,8 @@ pub(crate) fn only_color() -> Vec<AovRequest> {
 
 /// All images there are.
 pub(crate) fn all_images() -> Vec<AovRequest> {
-    AovKind::ALL.into_iter().map(|kind| AovRequest { kind, clear: [0.0; 4] }).collect()
+    let own = AovKind::ALL.into_iter().filter(|kind| *kind != AovKind::Denoised);
+    own.map(|kind| AovRequest { kind, clear: [0.0; 4] }).collect()
 }
 
 /// Writes the colour image: linear floats with attributes that tell how it was made where the name ends in `.exr`, else

@@ -2,6 +2,7 @@
 //! The settings of a render: names, defaults and ranges. This crate reads no environment; [`Settings::env_name`] gives
 //! the variable that the caller reads.
 
+mod denoise;
 mod error;
 mod host_mapped;
 mod sample_span;
@@ -10,6 +11,7 @@ mod traversal;
 
 use crate::pixel_filter::PixelFilterKind;
 use crate::residency::PolicyKind;
+pub use denoise::DenoiseMode;
 pub use error::SettingError;
 pub use host_mapped::HostMapped;
 pub use sample_span::SampleSpan;
@@ -81,6 +83,9 @@ impl Settings {
                 *field =
                     choice(key, &value, TraversalKind::named, || TraversalKind::ALL.map(TraversalKind::name).to_vec())?;
             }
+            SettingField::Denoise(field) => {
+                *field = choice(key, &value, DenoiseMode::named, || DenoiseMode::ALL.map(DenoiseMode::name).to_vec())?;
+            }
             SettingField::HostMapped(field) => {
                 *field = choice(key, &value, HostMapped::named, || HostMapped::ALL.map(HostMapped::name).to_vec())?;
             }
@@ -106,6 +111,7 @@ impl Settings {
             SettingField::Text(v) => SettingValue::Text(v.clone()),
             SettingField::Policy(v) => SettingValue::Text(v.name().to_owned()),
             SettingField::Traversal(v) => SettingValue::Text(v.name().to_owned()),
+            SettingField::Denoise(v) => SettingValue::Text(v.name().to_owned()),
             SettingField::HostMapped(v) => SettingValue::Text(v.name().to_owned()),
             SettingField::Span(v) => SettingValue::Text(v.to_string()),
             SettingField::PixelFilter(v) => SettingValue::Text(v.name().to_owned()),

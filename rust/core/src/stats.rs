@@ -67,9 +67,26 @@ pub struct RenderStats {
     /// The last estimate of the picture's error.
     #[serde(default)]
     pub error: Option<ErrorRow>,
+    /// The denoiser that made the picture of its last image, and the seconds that took.
+    #[serde(default)]
+    pub denoised: Option<DenoiserUsage>,
     /// With adaptive sampling: the samples spent so far.
     #[serde(default)]
     pub adaptive: Option<AdaptiveUsage>,
+}
+
+/// What denoised a picture.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub struct DenoiserUsage {
+    /// The library with its version, and the kind of its device.
+    pub by: String,
+    /// Seconds, with those that opened it.
+    pub seconds: f64,
+    /// The colour that hosts see is denoised, and not only an image beside it.
+    pub replaces_color: bool,
+    /// Its error against a reference picture.
+    pub truth: Option<TrueError>,
 }
 
 /// The picture's error at one moment; also a line of the report that `oocpt:report` names.
@@ -104,6 +121,9 @@ pub struct ErrorRow {
 pub struct RenderUsage {
     /// Wall clock since the render began, seconds.
     pub seconds_total: f64,
+    /// What denoised the picture.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub denoised: Option<DenoiserUsage>,
     /// The most device memory that was in use, bytes.
     pub gpu_peak_bytes: u64,
     /// Device memory of this process according to the driver, maximum in bytes ([`StreamingStats::driver_peak_bytes`]).
@@ -182,6 +202,7 @@ impl RenderUsage {
         let streaming = &stats.streaming;
         Self {
             seconds_total: stats.seconds_total,
+            denoised: stats.denoised.clone(),
             gpu_peak_bytes: stats.gpu_peak_bytes,
             driver_peak_bytes: streaming.driver_peak_bytes,
             host_bytes: stats.host_bytes,

@@ -59,6 +59,7 @@ pub(crate) fn interpreters(places: &RootFolders) -> Vec<VariableSetting> {
         VariableSetting::Set("OOCPT_HOST_ROOT", places.host()),
         VariableSetting::Set("OOCPT_BUILD", places.wheel_build()),
         VariableSetting::Default(MATERIALX, places.materialx()),
+        VariableSetting::Default("OOCPT_DENOISER_LIBRARY", places.denoiser()),
     ]
 }
 

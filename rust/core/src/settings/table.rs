@@ -5,7 +5,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::sample_span::MAX_SAMPLES;
-use super::{HostMapped, SampleSpan, SettingError, TraversalKind};
+use super::{DenoiseMode, HostMapped, SampleSpan, SettingError, TraversalKind};
 use crate::pixel_filter::{PixelFilter, PixelFilterKind};
 use crate::residency::PolicyKind;
 
@@ -79,6 +79,7 @@ pub(super) enum SettingField<'a> {
     Text(&'a mut String),
     Policy(&'a mut PolicyKind),
     Traversal(&'a mut TraversalKind),
+    Denoise(&'a mut DenoiseMode),
     HostMapped(&'a mut HostMapped),
     PixelFilter(&'a mut PixelFilterKind),
     Span(&'a mut SampleSpan),
@@ -251,6 +252,12 @@ settings! {
         User Scene SameSamples "oocpt:filterAovs" "OOCPT_FILTER_AOVS" "Filter AOVs"
         "Normals, positions and albedo are averaged over the samples, as the colour; if off, they are those at pixel \
          centres";
+    Denoise(denoise): DenoiseMode = DenoiseMode::Off;
+        User Scene GoesOn "oocpt:denoise" "OOCPT_DENOISE" "Denoise"
+        "Which pictures Open Image Denoise filters: off, final or interactive";
+    Text(denoiser_library): String = String::new();
+        User Machine GoesOn "oocpt:denoiserLibrary" "OOCPT_DENOISER_LIBRARY" "Denoiser library"
+        "File of Open Image Denoise 2; empty = that of the host, of the system or of the Python package pyoidn";
     Text(checkpoint): String = String::new();
         User Machine GoesOn "oocpt:checkpoint" "OOCPT_CHECKPOINT" "Checkpoint"
         "File in which a render keeps its samples, and from which a later one goes on; empty = none";

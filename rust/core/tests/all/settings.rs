@@ -100,7 +100,7 @@ fn a_report_has_any_name() {
 }
 
 /// The settings of this renderer, in their order.
-const OURS: [&str; 37] = [
+const OURS: [&str; 39] = [
     "oocpt:samplesPerPixel",
     "oocpt:maxBounces",
     "oocpt:seed",
@@ -133,6 +133,8 @@ const OURS: [&str; 37] = [
     "oocpt:pixelFilter",
     "oocpt:pixelFilterWidth",
     "oocpt:filterAovs",
+    "oocpt:denoise",
+    "oocpt:denoiserLibrary",
     "oocpt:checkpoint",
     "oocpt:checkpointInterval",
     "oocpt:filmPart",
@@ -173,6 +175,8 @@ fn settings_are_listed_in_order() {
         "OOCPT_PIXEL_FILTER",
         "OOCPT_PIXEL_FILTER_WIDTH",
         "OOCPT_FILTER_AOVS",
+        "OOCPT_DENOISE",
+        "OOCPT_DENOISER_LIBRARY",
         "OOCPT_CHECKPOINT",
         "OOCPT_CHECKPOINT_INTERVAL",
         "OOCPT_FILM_PART",

@@ -69,6 +69,7 @@ fn probe(instance: &Instance, index: usize, physical: vk::PhysicalDevice) -> Res
         index,
         name: text(properties.device_name_as_c_str()),
         kind,
+        uuid: v11.device_uuid,
         driver: format!("{} {}", text(v12.driver_name_as_c_str()), text(v12.driver_info_as_c_str())).trim().to_owned(),
         api: format!(
             "{}.{}.{}",

@@ -50,6 +50,8 @@ pub struct DeviceReport {
     pub name: String,
     /// Kind of the device.
     pub kind: DeviceKind,
+    /// Its `VkPhysicalDeviceIDProperties::deviceUUID`, by which other interfaces know it, too.
+    pub uuid: [u8; 16],
     /// Driver name and version.
     pub driver: String,
     /// Vulkan version of the device, as `major.minor.patch`.

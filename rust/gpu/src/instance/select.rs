@@ -95,6 +95,7 @@ mod tests {
             index,
             name: name.to_owned(),
             kind,
+            uuid: [0; 16],
             driver: String::new(),
             api: "1.3.0".to_owned(),
             heaps: vec![HeapReport { bytes, device_local: true, free: None }],

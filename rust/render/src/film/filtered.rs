@@ -92,7 +92,8 @@ fn offset(at: &mut PlaneOffsets, kind: AovKind) -> Option<&mut u32> {
         | AovKind::Motion
         | AovKind::SampleCount
         | AovKind::Variance
-        | AovKind::Error => None,
+        | AovKind::Error
+        | AovKind::Denoised => None,
     }
 }
 

@@ -2,6 +2,7 @@
 //! The images of a frame on the device and their way to the host.
 
 pub(crate) mod adaptive;
+pub(crate) mod denoised;
 mod exr_header;
 pub(crate) mod filtered;
 pub(crate) mod measure;
@@ -12,6 +13,7 @@ pub(crate) mod reference;
 
 use crate::error::RenderError;
 use crate::film::adaptive::AdaptiveBuffers;
+use crate::film::denoised::DenoisedPicture;
 use crate::film::filtered::FilteredPlanes;
 use crate::job::RenderJob;
 use crate::job::aov::{AovKind, AovRequest};
@@ -89,9 +91,10 @@ fn plane(gpu: &Arc<Gpu>, kind: AovKind, pixels: u64) -> Result<Buffer, GpuError>
 
 /// The images but for the colour, and the buffer to which all are copied.
 fn images(gpu: &Arc<Gpu>, kinds: &[AovKind], pixels: u64) -> Result<(Vec<(AovKind, Buffer)>, Buffer), GpuError> {
-    let others = kinds.iter().copied().filter(|kind| *kind != AovKind::Color);
+    let of_device = || kinds.iter().copied().filter(|kind| *kind != AovKind::Denoised);
+    let others = of_device().filter(|kind| *kind != AovKind::Color);
     let planes = others.map(|kind| Ok((kind, plane(gpu, kind, pixels)?))).collect::<Result<_, GpuError>>()?;
-    let bytes: u64 = kinds.iter().map(|kind| pixels * kind.pixel_bytes() as u64).sum();
+    let bytes: u64 = of_device().map(|kind| pixels * kind.pixel_bytes() as u64).sum();
     let bytes = bytes + size_of::<WavefrontCounters>() as u64;
     Ok((planes, Buffer::new(gpu, "readback", bytes, BufferUsage::Readback)?))
 }
@@ -260,7 +263,8 @@ impl Film {
         for buffer in self.film.iter().chain(&self.errors).chain(&self.color) {
             inventory.add(buffer.name(), buffer.size());
         }
-        for kind in AovKind::ALL.into_iter().filter(|kind| *kind != AovKind::Color) {
+        let of_device = |kind: &AovKind| !matches!(kind, AovKind::Color | AovKind::Denoised);
+        for kind in AovKind::ALL.into_iter().filter(of_device) {
             match self.planes.iter().find(|(have, _)| *have == kind) {
                 Some((_, plane)) => inventory.add(&format!("image {}", kind.token()), plane.size()),
                 None => {
@@ -280,7 +284,7 @@ impl Film {
             }
         }
         inventory.add(self.readback.name(), self.readback.size());
-        let absent = AovKind::ALL.iter().filter(|kind| !self.kinds.contains(kind));
+        let absent = AovKind::ALL.iter().filter(|kind| !self.kinds.contains(kind) && **kind != AovKind::Denoised);
         inventory
             .leave_out(self.readback.name(), self.pixels * absent.map(|kind| kind.pixel_bytes() as u64).sum::<u64>());
     }
@@ -296,7 +300,7 @@ impl Film {
         frame.adaptive = self.adaptive.as_ref().map_or(0, AdaptiveBuffers::address);
         for (kind, plane) in &self.planes {
             let address = match kind {
-                AovKind::Color => continue,
+                AovKind::Color | AovKind::Denoised => continue,
                 AovKind::Depth => &mut frame.aov.depth,
                 AovKind::CameraDepth => &mut frame.aov.camera_depth,
                 AovKind::PrimId => &mut frame.aov.prim_id,
@@ -375,31 +379,52 @@ impl Film {
     }
 
     /// Publishes what [`Film::copy_out`] copied, once its commands are done, as images of `generation` with this
-    /// layout, unless these would be no whole picture ([`PublishedImages::begin`]); returns the counters.
+    /// layout, unless these would be no whole picture ([`PublishedImages::begin`]); returns the counters. The denoised
+    /// picture is `denoised`, or the colour.
     pub(crate) fn publish(
         &self,
         published: &Mutex<PublishedImages>,
         (generation, layout): (u64, &PictureLayout),
         extent: PictureExtent,
+        denoised: Option<&DenoisedPicture>,
     ) -> Result<WavefrontCounters, GpuError> {
         let mut counters = WavefrontCounters::default();
         self.readback.map(|bytes| {
             let mut published = lock(published);
             let is_shown = published.begin(generation, &self.kinds, layout, extent);
-            let mut rest: &[u8] = bytes;
-            for kind in &self.kinds {
-                // Fits: the readback buffer is mapped whole.
-                let bytes = usize::try_from(self.pixels).unwrap_or(usize::MAX).saturating_mul(kind.pixel_bytes());
-                let (image, after) = rest.split_at(bytes);
-                if is_shown {
-                    let there = if self.is_sampled(*kind) { extent.samples } else { extent.planes };
-                    published.put(*kind, image, there);
-                }
-                rest = after;
+            for kind in self.kinds.iter().filter(|_| is_shown) {
+                let there = if self.is_sampled(*kind) { extent.samples } else { extent.planes };
+                let of_denoiser = denoised.filter(|_| *kind == AovKind::Denoised);
+                let image = of_denoiser.map_or_else(|| self.image(bytes, *kind), DenoisedPicture::bytes);
+                published.put(*kind, image, there);
             }
-            counters = bytemuck::pod_read_unaligned(&rest[..size_of::<WavefrontCounters>()]);
+            let counters_at = bytes.len() - size_of::<WavefrontCounters>();
+            counters = bytemuck::pod_read_unaligned(&bytes[counters_at..]);
         })?;
         Ok(counters)
+    }
+
+    /// Gives the images that were copied out and guide a denoiser to `look`: colour, albedo, normals.
+    pub(crate) fn look_at_guides<R>(&self, look: impl FnOnce([&[f32]; 3]) -> R) -> Result<Option<R>, GpuError> {
+        let kinds = [AovKind::Color, AovKind::Albedo, AovKind::Normal];
+        if !kinds.iter().all(|kind| self.kinds.contains(kind)) {
+            return Ok(None);
+        }
+        self.readback.map(|bytes| {
+            // The buffer begins at a multiple of 4, and so do all images.
+            let floats = |kind| bytemuck::try_cast_slice(self.image(bytes, kind)).unwrap_or_default();
+            Some(look(kinds.map(floats)))
+        })
+    }
+
+    /// The image of `kind` among the bytes that were copied out; of the denoised picture the colour.
+    fn image<'a>(&self, copied: &'a [u8], kind: AovKind) -> &'a [u8] {
+        let kind = if kind == AovKind::Denoised { AovKind::Color } else { kind };
+        // Fits: the readback buffer is mapped whole.
+        let pixels = usize::try_from(self.pixels).unwrap_or(usize::MAX);
+        let before = self.kinds.iter().take_while(|have| **have != kind);
+        let at: usize = before.filter(|have| **have != AovKind::Denoised).map(|kind| pixels.saturating_mul(kind.pixel_bytes())).sum();
+        copied.get(at..at.saturating_add(pixels.saturating_mul(kind.pixel_bytes()))).unwrap_or_default()
     }
 }
 
@@ -422,6 +447,6 @@ fn bind_clear(frame: &mut FrameConstants, aov: &AovRequest) {
         AovKind::Peye => frame.aov_clear.peye = [x, y, z],
         AovKind::GeometricNormal => frame.aov_clear.geometric_normal = [x, y, z],
         // Every pixel has one.
-        AovKind::SampleCount | AovKind::Variance | AovKind::Error => {}
+        AovKind::SampleCount | AovKind::Variance | AovKind::Error | AovKind::Denoised => {}
     }
 }

@@ -65,6 +65,16 @@ pub(crate) fn attributes(stats: &RenderStats, device: &str, driver: &str, settin
         all.push(number("errorLow", estimate.low));
         all.push(number("errorHigh", estimate.high));
     }
+    if let Some(denoised) = &stats.denoised {
+        all.push(text("denoiser", &denoised.by));
+        all.push(text("denoised", if denoised.replaces_color { "color" } else { "layer" }));
+        all.push(number("secondsDenoising", denoised.seconds));
+        if let Some(truth) = &denoised.truth {
+            all.push(number("denoisedRelMse", truth.rel_mse));
+            all.push(number("denoisedRmse", truth.rmse));
+            all.push(number("denoisedFlip", truth.flip));
+        }
+    }
     if let Some(truth) = truth {
         all.push(number("errorRelMse", truth.rel_mse));
         all.push(number("errorRmse", truth.rmse));

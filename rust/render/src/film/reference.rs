@@ -81,9 +81,9 @@ impl ReferencePicture {
         Ok(Self { columns: width, window, display: display(window.width, &pixels), pixels })
     }
 
-    /// Compares with the published colour; `None` if there is none of this size.
-    pub(crate) fn compare(&self, published: &PublishedImages) -> Option<TrueError> {
-        let image = published.image(AovKind::Color)?;
+    /// Compares with a published image of colour; `None` if there is none of this size.
+    pub(crate) fn compare(&self, published: &PublishedImages, kind: AovKind) -> Option<TrueError> {
+        let image = published.image(kind)?;
         let mut pixels: Vec<[f32; 3]> = Vec::with_capacity(self.pixels.len());
         for row in self.window.rows(self.columns, AovKind::Color.pixel_bytes()) {
             let rgba: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(image.get(row)?);

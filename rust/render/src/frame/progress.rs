@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Keeps the session's stats, timings and published images up to date while a frame renders.
 
+mod denoising;
 mod errors;
 mod files;
 
@@ -12,6 +13,7 @@ use crate::frame::checkpoint::FilmCheckpoints;
 use crate::frame::context::is_cpu;
 use crate::frame::film_part::FilmPart;
 use crate::frame::kept_samples::KeptSamples;
+use crate::frame::progress::denoising::Denoising;
 use crate::host_memory;
 use crate::job::RenderJob;
 use crate::job::patience::LoadWait;
@@ -73,6 +75,8 @@ pub(crate) struct FrameProgress<'a> {
     is_film_lost: bool,
     checkpoints: Option<FilmCheckpoints>,
     part: Option<FilmPart>,
+    /// How the picture is denoised, if it is to be.
+    denoising: Option<Denoising>,
     /// First sample that is rendered.
     first_sample: u32,
     /// The film goes on with samples of another process, or for other images, without those of pixel centres.
@@ -124,6 +128,7 @@ impl<'a> FrameProgress<'a> {
             is_film_lost: false,
             checkpoints: None,
             part: None,
+            denoising: Denoising::of(job),
             first_sample: 0,
             lacks_planes: false,
             nonfinite_pixel: 0,
@@ -387,16 +392,23 @@ impl<'a> FrameProgress<'a> {
 
     /// Publishes the images as they are at the end.
     pub(crate) fn publish_last(&mut self, film: &Film) -> Result<(), RenderError> {
-        self.publish(film, self.last_extent())
+        let extent = self.last_extent();
+        self.publish_images(film, extent, true)
     }
 
     /// Publishes the images that the last finished submission copied out, of which there is `extent`.
-    #[expect(clippy::cast_precision_loss, reason = "rates are shown, not computed with")]
     pub(crate) fn publish(&mut self, film: &Film, extent: PictureExtent) -> Result<(), RenderError> {
+        self.publish_images(film, extent, false)
+    }
+
+    #[expect(clippy::cast_precision_loss, reason = "rates are shown, not computed with")]
+    fn publish_images(&mut self, film: &Film, extent: PictureExtent, is_last: bool) -> Result<(), RenderError> {
         let began = Instant::now();
         let extent = self.shown_extent(extent).unwrap_or(extent);
+        let denoised = self.denoise(film, extent, is_last)?;
+        lock(&self.shared.published).show_denoised(self.denoising.as_ref().is_some_and(Denoising::replaces_color));
         let WavefrontCounters { closest_rays, shadow_rays, nonfinite, nonfinite_pixel, stack_overflows, .. } =
-            film.publish(&self.shared.published, (self.generation, &self.layout), extent)?;
+            film.publish(&self.shared.published, (self.generation, &self.layout), extent, denoised.as_ref())?;
         self.next_publish = self.next_publish.max(Instant::now() + PUBLISHING_SHARE * began.elapsed());
         self.nonfinite_pixel = self.nonfinite_pixel.max(nonfinite_pixel);
         let before = self.before;

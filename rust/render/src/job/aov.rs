@@ -72,6 +72,9 @@ aov_kinds! {
     /// Estimated standard error of the pixel relative to its value; the mean of its squares over the image is the told
     /// relMSE; f32. 0 below two samples.
     Error: "error", 1;
+    /// `Color` as the denoiser makes it (`crate::film::denoised`); it is `Color` itself on the way and where there is no
+    /// denoiser.
+    Denoised: "denoised", 4;
 }
 
 impl AovKind {
@@ -89,7 +92,7 @@ impl AovKind {
 
     /// Whether the image says something of the samples of `Color`.
     pub(crate) fn is_of_light(self) -> bool {
-        matches!(self, Self::Color | Self::SampleCount | Self::Variance | Self::Error)
+        matches!(self, Self::Color | Self::Denoised | Self::SampleCount | Self::Variance | Self::Error)
     }
 
     /// Hydra's usual value of a pixel that nothing covers.

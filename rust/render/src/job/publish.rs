@@ -49,6 +49,8 @@ pub(crate) struct PublishedImages {
     generation: u64,
     /// Of the image that came last; they are counted from 1.
     version: u64,
+    /// Hosts see the denoised picture in place of the colour.
+    shows_denoised: bool,
 }
 
 #[derive(Debug)]
@@ -86,6 +88,21 @@ impl PublishedImages {
         }
         self.generation = generation;
         true
+    }
+
+    /// Whether hosts and files get the denoised picture in place of the colour.
+    pub(crate) fn show_denoised(&mut self, shows: bool) {
+        self.shows_denoised = shows;
+    }
+
+    /// The image that stands for `kind`.
+    fn shown(&self, kind: AovKind) -> AovKind {
+        if kind == AovKind::Color && self.shows_denoised { AovKind::Denoised } else { kind }
+    }
+
+    /// The image that whoever asks for `kind` sees.
+    pub(crate) fn shown_image(&self, kind: AovKind) -> Option<&[u8]> {
+        self.image(self.shown(kind))
     }
 
     /// The job whose picture is there.
@@ -151,6 +168,7 @@ impl PublishedImages {
     /// Copies the image of `kind` to `out` if it has exactly `out.len()` bytes and is not the `known` version; returns
     /// its version, or 0 if there is no such image.
     pub(crate) fn copy(&self, kind: AovKind, known: u64, out: &mut [u8]) -> u64 {
+        let kind = self.shown(kind);
         let Some(image) = self.images.iter().find(|have| have.kind == kind && have.bytes.len() == out.len()) else {
             return 0;
         };

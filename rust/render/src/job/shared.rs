@@ -3,6 +3,7 @@
 //! messages; and the gate that a frame asks whether it may go on.
 
 use crate::error::RenderError;
+use crate::film::denoised::SessionDenoiser;
 use crate::job::RenderJob;
 use crate::job::commits::RenderControl;
 use crate::job::patience::{self, LoadWait, WaitVerdict};
@@ -30,6 +31,7 @@ pub(crate) struct SharedState {
     /// Error reports that renders of this session have begun.
     pub(crate) reports: Mutex<Vec<String>>,
     pub(crate) messages: Mutex<Vec<Message>>,
+    pub(crate) denoiser: Mutex<SessionDenoiser>,
     /// The user was told that a live view keeps no samples in files.
     pub(crate) told_of_live_views: AtomicBool,
     /// Somebody asks for a checkpoint of the render under way.

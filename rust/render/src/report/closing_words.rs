@@ -20,8 +20,11 @@ pub(crate) fn line(stats: &RenderStats) -> String {
         streaming if streaming.in_core => "in core".to_owned(),
         streaming => format!("{} loads", streaming.loads),
     };
+    let denoised = stats.denoised.as_ref();
+    let denoised =
+        denoised.map_or_else(String::new, |usage| format!(", denoised in {:.1} s by {}", usage.seconds, usage.by));
     format!(
-        "{} samples, {:.1} s, {error}, {} of device memory, {loads}",
+        "{} samples, {:.1} s, {error}, {} of device memory, {loads}{denoised}",
         stats.samples_completed,
         stats.seconds_total,
         bytes(stats.gpu_peak_bytes)
@@ -67,6 +70,7 @@ fn bytes(count: u64) -> String {
 mod tests {
     use super::*;
     use oocpt_core::convergence::ErrorEstimate;
+    use oocpt_core::stats::DenoiserUsage;
 
     fn row(rel_mse: f64, worst: &[f64]) -> ErrorRow {
         let estimate = Some(ErrorEstimate { rel_mse, low: 0.5 * rel_mse, high: 2.0 * rel_mse });
@@ -84,6 +88,10 @@ mod tests {
             line(&stats),
             "64 samples, 12.3 s, relMSE 4.1e-3 (2.1e-3 to 8.2e-3), 1.5 GiB of device memory, 7 loads"
         );
+        let by = "Open Image Denoise 2.5.1, CPU".to_owned();
+        stats.denoised = Some(DenoiserUsage { by, seconds: 0.31, replaces_color: true, truth: None });
+        assert!(line(&stats).ends_with("7 loads, denoised in 0.3 s by Open Image Denoise 2.5.1, CPU"), "{stats:?}");
+        stats.denoised = None;
         (stats.streaming.in_core, stats.error, stats.gpu_peak_bytes) = (true, None, 300 << 20);
         assert_eq!(line(&stats), "64 samples, 12.3 s, error unknown, 300 MiB of device memory, in core");
     }

@@ -9,6 +9,7 @@
 
 use crate::film::measure::MeasuredError;
 use crate::film::reference::ReferencePicture;
+use crate::job::aov::AovKind;
 use crate::job::RenderJob;
 use crate::job::request::Severity;
 use crate::job::shared::SharedState;
@@ -17,7 +18,7 @@ use crate::sync::lock;
 use crate::wave::{LAST_SLOT, next_boundary};
 use oocpt_core::convergence::{ConvergenceEstimator, of_halves};
 use oocpt_core::inventory::RenderInventory;
-use oocpt_core::stats::{ErrorRow, RenderUsage};
+use oocpt_core::stats::{ErrorRow, RenderUsage, TrueError};
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::path::Path;
@@ -200,7 +201,7 @@ impl ErrorLog {
             self.decide(octave, high);
         }
         let MeasuredError { worst, rays, .. } = measured;
-        let truth = self.reference.as_ref().and_then(|reference| reference.compare(&lock(&shared.published)));
+        let truth = self.compare(shared, AovKind::Color);
         let RowMoment { seconds, seconds_tracing, bytes_paged, samples } = moment;
         let row =
             ErrorRow { samples, seconds, seconds_tracing, rays, estimate, worst, bytes_paged, truth, is_last: false };
@@ -208,6 +209,11 @@ impl ErrorLog {
         lock(&shared.stats).error = Some(row.clone());
         self.history.last = Some(row.clone());
         self.last = Some(row);
+    }
+
+    /// The error of a published image of colour against the reference, if there is one.
+    fn compare(&self, shared: &SharedState, kind: AovKind) -> Option<TrueError> {
+        self.reference.as_ref().and_then(|reference| reference.compare(&lock(&shared.published), kind))
     }
 
     fn decide(&mut self, octave: u32, high: Option<f64>) {
@@ -225,6 +231,11 @@ impl ErrorLog {
             lock(&shared.stats).error = Some(row.clone());
         }
         self.write(shared);
+        let is_denoised = lock(&shared.stats).denoised.is_some();
+        let truth = is_denoised.then(|| self.compare(shared, AovKind::Denoised)).flatten();
+        if let Some(usage) = &mut lock(&shared.stats).denoised {
+            usage.truth = truth;
+        }
     }
 
     /// Writes the line that lists what the render is made of.

@@ -31,6 +31,7 @@ mod products;
 mod thread;
 
 use crate::error::RenderError;
+use crate::film::denoised::add_guides;
 use crate::film::picture;
 use crate::film::products::add_kinds;
 use crate::job::SessionOptions;
@@ -178,7 +179,10 @@ impl Session {
         let mut planned = lock(&self.products);
         let plan = planned.plan(products, &self.shared);
         plan.of_host.iter().for_each(|file| add_kinds(&mut request, file));
-        let (products, before) = (plan.of_host.clone().into(), plan.before.clone().into());
+        add_guides(&mut request, &settings);
+        let mut before = plan.before.clone();
+        before.iter_mut().for_each(|picture| add_guides(&mut picture.request, &settings));
+        let (products, before) = (plan.of_host.clone().into(), before.into());
         drop(planned);
         let ask = RenderAsk { request, settings, options, images, files, products, before };
         let asked = self.shared.control().ask(ask);

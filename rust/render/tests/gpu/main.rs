@@ -13,6 +13,7 @@ mod commits;
 mod control;
 mod curves_and_points;
 mod deformation;
+mod denoised;
 mod determinism;
 mod edits;
 mod error_calibration;

@@ -88,7 +88,12 @@ fn camera(eye: DVec3, target: DVec3, projection: DMat4, size: [u32; 2]) -> Camer
     }
 }
 
-/// A request for every image, with Hydra's usual clear values.
+/// The images that the renderer makes itself.
+pub(crate) fn own_images() -> impl Iterator<Item = AovKind> {
+    AovKind::ALL.into_iter().filter(|kind| *kind != AovKind::Denoised)
+}
+
+/// A request for every image of the renderer's own, with Hydra's usual clear values.
 pub(crate) fn request(camera: Camera) -> RenderRequest {
     let [x0, y0, x1, y1] = camera.data_window;
     let clear = |kind| match kind {
@@ -100,7 +105,7 @@ pub(crate) fn request(camera: Camera) -> RenderRequest {
         width: x0.abs_diff(x1),
         height: y0.abs_diff(y1),
         camera,
-        aovs: AovKind::ALL.into_iter().map(|kind| AovRequest { kind, clear: clear(kind) }).collect(),
+        aovs: own_images().map(|kind| AovRequest { kind, clear: clear(kind) }).collect(),
         window: None,
     }
 }
@@ -137,9 +142,9 @@ pub(crate) fn read<T: bytemuck::Pod>(session: &Session, request: &RenderRequest,
     pixels
 }
 
-/// All images as bytes, one after the other.
+/// All images of the renderer's own as bytes, one after the other.
 pub(crate) fn read_all(session: &Session, request: &RenderRequest) -> Vec<Vec<u8>> {
-    AovKind::ALL.into_iter().map(|kind| read::<u8>(session, request, kind)).collect()
+    own_images().map(|kind| read::<u8>(session, request, kind)).collect()
 }
 
 /// Renders a scene in a session of its own and returns all images.

@@ -32,7 +32,8 @@ pub(crate) struct VenvPlan {
 }
 
 /// Imports the wheel host's `pxr`: runs `usdrecord` and the tests of the plugin.
-pub(crate) const HOST_VENV: VenvPlan = VenvPlan { name: "venv-host", roles: &[WheelRole::Tools], sees_host: true };
+pub(crate) const HOST_VENV: VenvPlan =
+    VenvPlan { name: "venv-host", roles: &[WheelRole::Tools, WheelRole::Denoiser], sees_host: true };
 
 /// Imports usd-core's `pxr`: authors scenes, reads pictures.
 pub(crate) const USD_VENV: VenvPlan =
@@ -73,6 +74,12 @@ impl RootFolders {
     /// The interpreter of the virtual environment `name`.
     pub(crate) fn venv_python(&self, name: &str) -> PathBuf {
         self.cache.join(name).join("bin/python")
+    }
+
+    /// The library of Open Image Denoise in the environment that renders.
+    pub(crate) fn denoiser(&self) -> PathBuf {
+        let site = self.cache.join(HOST_VENV.name).join(format!("lib/python{PYTHON_VERSION}/site-packages"));
+        site.join("pyoidn/oidn/lib/libOpenImageDenoise.so.2")
     }
 }
 

@@ -22,6 +22,8 @@ pub(crate) enum WheelRole {
     ReferenceTools,
     /// All test environments.
     Tools,
+    /// The environment that renders: Open Image Denoise, whose Python interface is not used.
+    Denoiser,
 }
 
 /// One pinned wheel.
@@ -117,6 +119,9 @@ pub(crate) const WHEELS: &[PinnedWheel] = wheels! {
     Tools "packaging==26.3"
         "packaging-26.3-py3-none-any.whl"
         "d7193f7c8e4e93f444fde0262bf90af30e16fa0ad0ad44cb553c87339b23cd1c"
+    Denoiser "pyoidn==2.5.1.0"
+        "pyoidn-2.5.1.0-py3-none-manylinux2014_x86_64.whl"
+        "32ad13368f8de1ef63001942ad05b02a00cd732d1206d97f352d3a3f606d823e"
     UsdTools "pillow==13.0.0"
         "pillow-13.0.0-cp311-cp311-manylinux_2_27_x86_64.manylinux_2_28_x86_64.whl"
         "a625df9a2a5597fa5e5266e01aefc82604bb85d291e3547981e863560d75da6c"

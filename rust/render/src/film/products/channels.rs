@@ -19,7 +19,7 @@ const fn row(kind: AovKind, parts: &'static str, first: usize, names: &'static [
 }
 
 /// Names of raw and intrinsic sources; compared without regard to case where none is alike in its case.
-const ROWS: [SourceRow; 17] = [
+const ROWS: [SourceRow; 18] = [
     row(AovKind::Color, "RGBA", 0, &["color", "Ci", "C", "rgba", "rgb", "beauty", "combined"]),
     row(AovKind::Color, "A", 3, &["a", "alpha"]),
     row(AovKind::CameraDepth, "Z", 0, &["z", "cameraDepth", "linearDepth", "hitPz", "ray:hitPz"]),
@@ -35,6 +35,7 @@ const ROWS: [SourceRow; 17] = [
     row(AovKind::Position, "XYZ", 0, &["position", "P", "Pworld", "__Pworld", "worldPosition", "hitP", "ray:hitP"]),
     row(AovKind::Peye, "XYZ", 0, &["Peye"]),
     row(AovKind::GeometricNormal, "XYZ", 0, &["Ng", "hitNg", "ray:hitNg", "geometricNormal"]),
+    row(AovKind::Denoised, "RGBA", 0, &["denoised", "denoisedColor", "denoise"]),
     row(AovKind::Variance, "RGB", 0, &["variance", "var"]),
     row(AovKind::Error, "E", 0, &["error", "relativeError"]),
 ];

@@ -53,7 +53,7 @@ pub(crate) fn write(
     let window = request.part();
     let channels = file.channels.iter().map(|channel| {
         let bytes = request.image_pixels().saturating_mul(channel.kind.pixel_bytes() as u64);
-        let image = images.image(channel.kind).filter(|image| image.len() as u64 == bytes);
+        let image = images.shown_image(channel.kind).filter(|image| image.len() as u64 == bytes);
         let image = image.ok_or(ProductError::Image(channel.kind))?;
         let rows = window.rows(request.width, channel.kind.pixel_bytes()).rev();
         let rows: Vec<&[u8]> = rows.filter_map(|row| image.get(row)).collect();

@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Has pictures denoised before they are published.
+
+use super::FrameProgress;
+use crate::error::RenderError;
+use crate::film::Film;
+use crate::film::denoised::{self, DenoiseTask, DenoisedPicture};
+use crate::job::RenderJob;
+use crate::job::publish::PictureExtent;
+use crate::job::request::Severity;
+use crate::job::shared::FrameGate;
+use crate::sync::lock;
+use oocpt_core::settings::Settings;
+use oocpt_core::stats::DenoiserUsage;
+
+/// How the pictures of a job are denoised.
+#[derive(Debug)]
+pub(super) struct Denoising {
+    settings: Settings,
+    /// The last picture, once it is there: its images may be published again.
+    last: Option<DenoisedPicture>,
+}
+
+impl Denoising {
+    /// `None` if nothing of the job is to be denoised.
+    pub(super) fn of(job: &RenderJob) -> Option<Self> {
+        let is_wanted = denoised::is_wanted(&job.request.kinds(), &job.settings);
+        is_wanted.then(|| Self { settings: job.settings.clone(), last: None })
+    }
+}
+
+impl Denoising {
+    /// Whether hosts see the denoised picture in place of the colour.
+    pub(super) fn replaces_color(&self) -> bool {
+        denoised::replaces_color(&self.settings)
+    }
+}
+
+impl FrameProgress<'_> {
+    /// The picture that was copied out, denoised, if it is to be and all of it is there.
+    pub(super) fn denoise(
+        &mut self,
+        film: &Film,
+        extent: PictureExtent,
+        is_last: bool,
+    ) -> Result<Option<DenoisedPicture>, RenderError> {
+        let Some(denoising) = &mut self.denoising else { return Ok(None) };
+        let is_due = lock(&self.shared.denoiser).is_due(&denoising.settings, is_last);
+        if !is_due || !extent.covers(self.pixels) {
+            return Ok(None);
+        }
+        if denoising.last.is_some() {
+            return Ok(denoising.last.clone());
+        }
+        let gate = FrameGate::new(self.shared, self.generation);
+        let goes_on = || !gate.is_superseded();
+        let uuid = lock(&self.shared.device).as_ref().map(|device| device.uuid);
+        let task = DenoiseTask { settings: &denoising.settings, size: self.layout.window.size(), is_last, uuid };
+        let denoise = |images: [&[f32]; 3]| denoised::denoise(&self.shared.denoiser, images, task, &goes_on);
+        let done = film.look_at_guides(denoise)?.unwrap_or(Ok(None));
+        let picture = done.unwrap_or_else(|text| {
+            self.shared.report(Severity::Warning, text);
+            None
+        });
+        if let Some(picture) = &picture {
+            let usage = DenoiserUsage {
+                by: picture.by.clone(),
+                seconds: picture.took.as_secs_f64(),
+                replaces_color: denoised::replaces_color(&denoising.settings),
+                truth: None,
+            };
+            lock(&self.shared.stats).denoised = Some(usage);
+        }
+        if is_last {
+            denoising.last.clone_from(&picture);
+        }
+        Ok(picture)
+    }
+}
