@@ -267,6 +267,20 @@ def test_aovs_of_the_command_line(record):
     assert done.returncode == 2 and "needs an EXR image" in done.stderr
 
 
+def test_denoised_pictures_say_so(record):
+    _, folder = record(stage({}), "--imageWidth", "64", out="plain.exr")
+    done, _ = record(stage({}), "--imageWidth", "64", "--aov", "denoised", out="layer.exr")
+    layers, header = channels(folder / "layer.exr")
+    assert header["oocpt:denoised"] == "layer" and header["oocpt:denoiser"].startswith("Open Image Denoise 2.")
+    assert "denoised in" in done.stderr, done.stderr
+    plain = exr.read(folder / "plain.exr")
+    compare.same_bits(exr.read(folder / "layer.exr"), plain, "the colour as it is")
+    record(stage({}), "--imageWidth", "64", "--set", "oocpt:denoise=final", out="final.exr")
+    final, header = channels(folder / "final.exr")
+    assert header["oocpt:denoised"] == "color"
+    assert np.array_equal(final["R"], layers["denoised.R"]) and not np.array_equal(final["R"], layers["R"])
+
+
 CONFIG = """ocio_profile_version: 2
 roles: {default: lin_rec709, scene_linear: lin_rec709}
 displays:

@@ -10,6 +10,7 @@
 #![forbid(unsafe_code)]
 
 mod assets;
+mod denoiser;
 mod device;
 mod engine;
 mod error;

@@ -7,7 +7,7 @@ use std::ffi::{CStr, c_char, c_int, c_void};
 use std::path::{Path, PathBuf};
 
 /// Handles of the library: a device, a filter, a buffer.
-pub(super) type Handle = *mut c_void;
+pub(super) type OidnHandle = *mut c_void;
 
 /// Decides from time to time whether the filter goes on; the number is its progress from 0 to 1.
 pub(super) type ProgressMonitor = unsafe extern "C" fn(*mut c_void, f64) -> bool;
@@ -28,7 +28,7 @@ macro_rules! functions {
     ($($name:ident: $symbol:literal, fn($($type:ty),*) $(-> $result:ty)?;)+) => {
         /// The functions that are used.
         #[derive(Debug)]
-        pub(super) struct Library {
+        pub(super) struct OidnLibrary {
             $(pub(super) $name: unsafe extern "C" fn($($type),*) $(-> $result)?,)+
             /// The file, for messages.
             pub(super) file: PathBuf,
@@ -36,7 +36,7 @@ macro_rules! functions {
             _library: libloading::Library,
         }
 
-        impl Library {
+        impl OidnLibrary {
             fn from_loaded(library: libloading::Library, file: PathBuf) -> Result<Self, libloading::Error> {
                 Ok(Self {
                     $($name: {
@@ -55,29 +55,29 @@ macro_rules! functions {
 }
 
 functions! {
-    new_device: b"oidnNewDevice\0", fn(c_int) -> Handle;
-    new_device_by_uuid: b"oidnNewDeviceByUUID\0", fn(*const c_void) -> Handle;
-    commit_device: b"oidnCommitDevice\0", fn(Handle);
-    release_device: b"oidnReleaseDevice\0", fn(Handle);
-    device_error: b"oidnGetDeviceError\0", fn(Handle, *mut *const c_char) -> c_int;
-    device_int: b"oidnGetDeviceInt\0", fn(Handle, *const c_char) -> c_int;
-    set_device_bool: b"oidnSetDeviceBool\0", fn(Handle, *const c_char, bool);
-    new_buffer: b"oidnNewBuffer\0", fn(Handle, usize) -> Handle;
-    read_buffer: b"oidnReadBuffer\0", fn(Handle, usize, usize, *mut c_void);
-    write_buffer: b"oidnWriteBuffer\0", fn(Handle, usize, usize, *const c_void);
-    release_buffer: b"oidnReleaseBuffer\0", fn(Handle);
-    new_filter: b"oidnNewFilter\0", fn(Handle, *const c_char) -> Handle;
+    new_device: b"oidnNewDevice\0", fn(c_int) -> OidnHandle;
+    new_device_by_uuid: b"oidnNewDeviceByUUID\0", fn(*const c_void) -> OidnHandle;
+    commit_device: b"oidnCommitDevice\0", fn(OidnHandle);
+    release_device: b"oidnReleaseDevice\0", fn(OidnHandle);
+    device_error: b"oidnGetDeviceError\0", fn(OidnHandle, *mut *const c_char) -> c_int;
+    device_int: b"oidnGetDeviceInt\0", fn(OidnHandle, *const c_char) -> c_int;
+    set_device_bool: b"oidnSetDeviceBool\0", fn(OidnHandle, *const c_char, bool);
+    new_buffer: b"oidnNewBuffer\0", fn(OidnHandle, usize) -> OidnHandle;
+    read_buffer: b"oidnReadBuffer\0", fn(OidnHandle, usize, usize, *mut c_void);
+    write_buffer: b"oidnWriteBuffer\0", fn(OidnHandle, usize, usize, *const c_void);
+    release_buffer: b"oidnReleaseBuffer\0", fn(OidnHandle);
+    new_filter: b"oidnNewFilter\0", fn(OidnHandle, *const c_char) -> OidnHandle;
     set_filter_image: b"oidnSetFilterImage\0",
-        fn(Handle, *const c_char, Handle, c_int, usize, usize, usize, usize, usize);
-    set_filter_bool: b"oidnSetFilterBool\0", fn(Handle, *const c_char, bool);
-    set_filter_int: b"oidnSetFilterInt\0", fn(Handle, *const c_char, c_int);
-    set_filter_monitor: b"oidnSetFilterProgressMonitorFunction\0", fn(Handle, ProgressMonitor, *mut c_void);
-    commit_filter: b"oidnCommitFilter\0", fn(Handle);
-    execute_filter: b"oidnExecuteFilter\0", fn(Handle);
-    release_filter: b"oidnReleaseFilter\0", fn(Handle);
+        fn(OidnHandle, *const c_char, OidnHandle, c_int, usize, usize, usize, usize, usize);
+    set_filter_bool: b"oidnSetFilterBool\0", fn(OidnHandle, *const c_char, bool);
+    set_filter_int: b"oidnSetFilterInt\0", fn(OidnHandle, *const c_char, c_int);
+    set_filter_monitor: b"oidnSetFilterProgressMonitorFunction\0", fn(OidnHandle, ProgressMonitor, *mut c_void);
+    commit_filter: b"oidnCommitFilter\0", fn(OidnHandle);
+    execute_filter: b"oidnExecuteFilter\0", fn(OidnHandle);
+    release_filter: b"oidnReleaseFilter\0", fn(OidnHandle);
 }
 
-impl Library {
+impl OidnLibrary {
     /// Loads the library from `file`, or from where the system looks for it. The error says what was tried.
     pub(super) fn load(file: Option<&Path>) -> Result<Self, String> {
         let files: Vec<PathBuf> =

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Open Image Denoise made safe: a filter for noisy pictures, on the processor or on a GPU, loaded at run time.
 //!
-//! A [`Denoiser`] holds a device of the library. Images are rows of 32-bit floats in host memory; on a GPU they are
-//! copied there and back. One thread at a time.
+//! A [`DenoiserDevice`] holds a device of the library. Images are rows of 32-bit floats in host memory; on a GPU they
+//! are copied there and back. One thread at a time.
 
 mod library;
 
-use library::{CANCELLED, CPU, FLOAT3, Handle, Library, NO_ERROR};
+use library::{CANCELLED, CPU, FLOAT3, NO_ERROR, OidnHandle, OidnLibrary};
 use std::ffi::{CStr, c_char, c_int, c_void};
 use std::mem::size_of;
 use std::path::Path;
@@ -61,24 +61,24 @@ pub struct NoisyPicture<'a> {
 
 /// A device of the library.
 #[derive(Debug)]
-pub struct Denoiser {
-    library: Library,
-    device: Handle,
+pub struct DenoiserDevice {
+    library: OidnLibrary,
+    device: OidnHandle,
     name: String,
 }
 
 // SAFETY: the library's functions may be called from any thread, one at a time for each device: every method that calls
 // one takes `&mut self`.
-unsafe impl Send for Denoiser {}
+unsafe impl Send for DenoiserDevice {}
 
-impl Denoiser {
+impl DenoiserDevice {
     /// Loads the library, from `file` if one is named, and opens its device for the GPU whose UUID is given
     /// (`VkPhysicalDeviceIDProperties::deviceUUID`), or the processor if that is none of the library's.
     ///
     /// # Errors
     /// [`DenoiserError::Missing`], [`DenoiserError::Failed`].
     pub fn open(file: Option<&Path>, uuid: Option<[u8; 16]>) -> Result<Self, DenoiserError> {
-        let library = Library::load(file).map_err(DenoiserError::Missing)?;
+        let library = OidnLibrary::load(file).map_err(DenoiserError::Missing)?;
         let on_gpu = uuid.and_then(|uuid| {
             // SAFETY: the pointer is to 16 bytes, which are read at once.
             let device = unsafe { (library.new_device_by_uuid)(uuid.as_ptr().cast()) };
@@ -145,7 +145,7 @@ impl Denoiser {
         if filter.is_null() {
             return Err(failure(library, self.device));
         }
-        let filter = Filter { library, filter };
+        let filter = OidnFilter { library, filter };
         for (name, image) in images {
             filter.image(name, image);
         }
@@ -169,7 +169,7 @@ impl Denoiser {
     }
 }
 
-impl Drop for Denoiser {
+impl Drop for DenoiserDevice {
     fn drop(&mut self) {
         release(&self.library, self.device);
     }
@@ -191,28 +191,18 @@ unsafe extern "C" fn monitor(user: *mut c_void, _progress: f64) -> bool {
 }
 
 /// A filter of the library, released when dropped.
-struct Filter<'a> {
-    library: &'a Library,
-    filter: Handle,
+struct OidnFilter<'a> {
+    library: &'a OidnLibrary,
+    filter: OidnHandle,
 }
 
-impl Filter<'_> {
+impl OidnFilter<'_> {
     fn image(&self, name: &CStr, image: &DeviceImage<'_>) {
         let [width, height] = image.size;
         // SAFETY: filter and buffer are alive, the buffer has three floats for each pixel, and the name ends with a
         // zero. Strides of 0 are those of rows and pixels without gaps.
         unsafe {
-            (self.library.set_filter_image)(
-                self.filter,
-                name.as_ptr(),
-                image.buffer,
-                FLOAT3,
-                width,
-                height,
-                0,
-                0,
-                0,
-            );
+            (self.library.set_filter_image)(self.filter, name.as_ptr(), image.buffer, FLOAT3, width, height, 0, 0, 0);
         }
     }
 
@@ -222,7 +212,7 @@ impl Filter<'_> {
     }
 }
 
-impl Drop for Filter<'_> {
+impl Drop for OidnFilter<'_> {
     fn drop(&mut self) {
         // SAFETY: nobody else has the handle.
         unsafe { (self.library.release_filter)(self.filter) };
@@ -231,15 +221,15 @@ impl Drop for Filter<'_> {
 
 /// An image in memory of the library's device: three floats a pixel, without gaps.
 struct DeviceImage<'a> {
-    library: &'a Library,
-    device: Handle,
-    buffer: Handle,
+    library: &'a OidnLibrary,
+    device: OidnHandle,
+    buffer: OidnHandle,
     size: [usize; 2],
 }
 
 impl<'a> DeviceImage<'a> {
     /// A copy of `image`, which has been checked.
-    fn of(denoiser: &'a Denoiser, image: FloatImage<'_>, size: [usize; 2]) -> Result<Self, DenoiserError> {
+    fn of(denoiser: &'a DenoiserDevice, image: FloatImage<'_>, size: [usize; 2]) -> Result<Self, DenoiserError> {
         let (library, device) = (&denoiser.library, denoiser.device);
         let packed: Vec<f32> = image.floats.chunks_exact(image.stride).flat_map(|pixel| &pixel[..3]).copied().collect();
         let bytes = packed.len() * size_of::<f32>();
@@ -284,7 +274,7 @@ fn check(image: FloatImage<'_>, [width, height]: [usize; 2]) -> Result<(), Denoi
 }
 
 /// The device that is the processor.
-fn processor(library: &Library) -> Result<Handle, DenoiserError> {
+fn processor(library: &OidnLibrary) -> Result<OidnHandle, DenoiserError> {
     // SAFETY: takes no pointer.
     let device = unsafe { (library.new_device)(CPU) };
     if !device.is_null() {
@@ -300,7 +290,7 @@ fn processor(library: &Library) -> Result<Handle, DenoiserError> {
 }
 
 /// Makes a new device ready.
-fn commit(library: &Library, device: Handle) -> Result<(), DenoiserError> {
+fn commit(library: &OidnLibrary, device: OidnHandle) -> Result<(), DenoiserError> {
     if device.is_null() {
         return Err(failure(library, device));
     }
@@ -309,7 +299,7 @@ fn commit(library: &Library, device: Handle) -> Result<(), DenoiserError> {
     ok(library, device)
 }
 
-fn release(library: &Library, device: Handle) {
+fn release(library: &OidnLibrary, device: OidnHandle) {
     if !device.is_null() {
         // SAFETY: nobody uses the device any more.
         unsafe { (library.release_device)(device) };
@@ -317,7 +307,7 @@ fn release(library: &Library, device: Handle) {
 }
 
 /// The error that the library has for the device, if any; it is asked for after every call that may fail.
-fn ok(library: &Library, device: Handle) -> Result<(), DenoiserError> {
+fn ok(library: &OidnLibrary, device: OidnHandle) -> Result<(), DenoiserError> {
     let mut said: *const c_char = std::ptr::null();
     // SAFETY: the device is alive or null, which asks for the thread's error.
     let code = unsafe { (library.device_error)(device, &raw mut said) };
@@ -332,12 +322,12 @@ fn ok(library: &Library, device: Handle) -> Result<(), DenoiserError> {
 }
 
 /// The error of a call that gave nothing.
-fn failure(library: &Library, device: Handle) -> DenoiserError {
+fn failure(library: &OidnLibrary, device: OidnHandle) -> DenoiserError {
     ok(library, device).err().unwrap_or_else(|| DenoiserError::Failed("it gives no reason".to_owned()))
 }
 
 /// Version and device.
-fn name(library: &Library, device: Handle) -> String {
+fn name(library: &OidnLibrary, device: OidnHandle) -> String {
     let number = |name: &CStr| {
         // SAFETY: the device is alive, and the name ends with a zero.
         unsafe { (library.device_int)(device, name.as_ptr()) }
@@ -358,20 +348,20 @@ mod tests {
     use super::*;
 
     /// The library that tests use, for a GPU that there is not: on the processor.
-    fn denoiser() -> Denoiser {
+    fn denoiser() -> DenoiserDevice {
         let file = std::env::var_os("OOCPT_DENOISER_LIBRARY").expect("a file, which `cargo xtask test` names");
-        Denoiser::open(Some(Path::new(&file)), Some([7; 16])).expect("Open Image Denoise")
+        DenoiserDevice::open(Some(Path::new(&file)), Some([7; 16])).expect("Open Image Denoise")
     }
 
     #[test]
     fn a_library_that_is_not_there_is_told() {
-        let error = Denoiser::open(Some(Path::new("/nowhere/libOpenImageDenoise.so")), None).err();
+        let error = DenoiserDevice::open(Some(Path::new("/nowhere/libOpenImageDenoise.so")), None).err();
         assert!(matches!(&error, Some(DenoiserError::Missing(text)) if text.contains("/nowhere/")), "{error:?}");
     }
 
     #[test]
     fn a_library_that_is_another_is_told() {
-        let error = Denoiser::open(Some(Path::new("libm.so.6")), None).err();
+        let error = DenoiserDevice::open(Some(Path::new("libm.so.6")), None).err();
         assert!(matches!(&error, Some(DenoiserError::Missing(text)) if text.contains("oidnNewDevice")), "{error:?}");
     }
 

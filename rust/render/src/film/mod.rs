@@ -11,9 +11,9 @@ mod picture_attribute;
 pub(crate) mod products;
 pub(crate) mod reference;
 
+use crate::denoiser::DenoisedPicture;
 use crate::error::RenderError;
 use crate::film::adaptive::AdaptiveBuffers;
-use crate::film::denoised::DenoisedPicture;
 use crate::film::filtered::FilteredPlanes;
 use crate::job::RenderJob;
 use crate::job::aov::{AovKind, AovRequest};
@@ -423,7 +423,10 @@ impl Film {
         // Fits: the readback buffer is mapped whole.
         let pixels = usize::try_from(self.pixels).unwrap_or(usize::MAX);
         let before = self.kinds.iter().take_while(|have| **have != kind);
-        let at: usize = before.filter(|have| **have != AovKind::Denoised).map(|kind| pixels.saturating_mul(kind.pixel_bytes())).sum();
+        let at: usize = before
+            .filter(|have| **have != AovKind::Denoised)
+            .map(|kind| pixels.saturating_mul(kind.pixel_bytes()))
+            .sum();
         copied.get(at..at.saturating_add(pixels.saturating_mul(kind.pixel_bytes()))).unwrap_or_default()
     }
 }

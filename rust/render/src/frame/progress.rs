@@ -13,7 +13,7 @@ use crate::frame::checkpoint::FilmCheckpoints;
 use crate::frame::context::is_cpu;
 use crate::frame::film_part::FilmPart;
 use crate::frame::kept_samples::KeptSamples;
-use crate::frame::progress::denoising::Denoising;
+use crate::frame::progress::denoising::DenoisingPlan;
 use crate::host_memory;
 use crate::job::RenderJob;
 use crate::job::patience::LoadWait;
@@ -76,7 +76,7 @@ pub(crate) struct FrameProgress<'a> {
     checkpoints: Option<FilmCheckpoints>,
     part: Option<FilmPart>,
     /// How the picture is denoised, if it is to be.
-    denoising: Option<Denoising>,
+    denoising: Option<DenoisingPlan>,
     /// First sample that is rendered.
     first_sample: u32,
     /// The film goes on with samples of another process, or for other images, without those of pixel centres.
@@ -128,7 +128,7 @@ impl<'a> FrameProgress<'a> {
             is_film_lost: false,
             checkpoints: None,
             part: None,
-            denoising: Denoising::of(job),
+            denoising: DenoisingPlan::of(job),
             first_sample: 0,
             lacks_planes: false,
             nonfinite_pixel: 0,
@@ -406,7 +406,7 @@ impl<'a> FrameProgress<'a> {
         let began = Instant::now();
         let extent = self.shown_extent(extent).unwrap_or(extent);
         let denoised = self.denoise(film, extent, is_last)?;
-        lock(&self.shared.published).show_denoised(self.denoising.as_ref().is_some_and(Denoising::replaces_color));
+        lock(&self.shared.published).show_denoised(self.denoising.as_ref().is_some_and(DenoisingPlan::replaces_color));
         let WavefrontCounters { closest_rays, shadow_rays, nonfinite, nonfinite_pixel, stack_overflows, .. } =
             film.publish(&self.shared.published, (self.generation, &self.layout), extent, denoised.as_ref())?;
         self.next_publish = self.next_publish.max(Instant::now() + PUBLISHING_SHARE * began.elapsed());

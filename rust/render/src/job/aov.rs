@@ -72,8 +72,7 @@ aov_kinds! {
     /// Estimated standard error of the pixel relative to its value; the mean of its squares over the image is the told
     /// relMSE; f32. 0 below two samples.
     Error: "error", 1;
-    /// `Color` as the denoiser makes it (`crate::film::denoised`); it is `Color` itself on the way and where there is no
-    /// denoiser.
+    /// `Color` as the denoiser makes it (`crate::denoiser`); it is `Color` itself on the way and where there is none.
     Denoised: "denoised", 4;
 }
 

@@ -2,8 +2,8 @@
 //! The state that the host's threads, the commit thread and the render thread share: control, images, stats and
 //! messages; and the gate that a frame asks whether it may go on.
 
+use crate::denoiser::SessionDenoiser;
 use crate::error::RenderError;
-use crate::film::denoised::SessionDenoiser;
 use crate::job::RenderJob;
 use crate::job::commits::RenderControl;
 use crate::job::patience::{self, LoadWait, WaitVerdict};

@@ -9,8 +9,8 @@
 
 use crate::film::measure::MeasuredError;
 use crate::film::reference::ReferencePicture;
-use crate::job::aov::AovKind;
 use crate::job::RenderJob;
+use crate::job::aov::AovKind;
 use crate::job::request::Severity;
 use crate::job::shared::SharedState;
 use crate::report::error_report::{ErrorReportHeader, InventoryLine, ReportWriter, UsageLine, VERSION};

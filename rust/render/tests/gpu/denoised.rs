@@ -67,8 +67,7 @@ fn the_setting_denoises_the_colour_and_its_layer_alike() {
     let session = session(denoising(DenoiseMode::Final, 4));
     let request = asking(&[AovKind::Color, AovKind::Denoised]);
     render(&session, &request);
-    let [color, denoised] =
-        [AovKind::Color, AovKind::Denoised].map(|kind| read::<f32>(&session, &request, kind));
+    let [color, denoised] = [AovKind::Color, AovKind::Denoised].map(|kind| read::<f32>(&session, &request, kind));
     assert_eq!(color, denoised);
     let plain = self::session(filtering(settings(4, 1)));
     render(&plain, &view());

@@ -2,9 +2,10 @@
 //! Has pictures denoised before they are published.
 
 use super::FrameProgress;
+use crate::denoiser::{self, DenoiseTask, DenoisedPicture};
 use crate::error::RenderError;
 use crate::film::Film;
-use crate::film::denoised::{self, DenoiseTask, DenoisedPicture};
+use crate::film::denoised;
 use crate::job::RenderJob;
 use crate::job::publish::PictureExtent;
 use crate::job::request::Severity;
@@ -15,13 +16,13 @@ use oocpt_core::stats::DenoiserUsage;
 
 /// How the pictures of a job are denoised.
 #[derive(Debug)]
-pub(super) struct Denoising {
+pub(super) struct DenoisingPlan {
     settings: Settings,
     /// The last picture, once it is there: its images may be published again.
     last: Option<DenoisedPicture>,
 }
 
-impl Denoising {
+impl DenoisingPlan {
     /// `None` if nothing of the job is to be denoised.
     pub(super) fn of(job: &RenderJob) -> Option<Self> {
         let is_wanted = denoised::is_wanted(&job.request.kinds(), &job.settings);
@@ -29,7 +30,7 @@ impl Denoising {
     }
 }
 
-impl Denoising {
+impl DenoisingPlan {
     /// Whether hosts see the denoised picture in place of the colour.
     pub(super) fn replaces_color(&self) -> bool {
         denoised::replaces_color(&self.settings)
@@ -56,7 +57,7 @@ impl FrameProgress<'_> {
         let goes_on = || !gate.is_superseded();
         let uuid = lock(&self.shared.device).as_ref().map(|device| device.uuid);
         let task = DenoiseTask { settings: &denoising.settings, size: self.layout.window.size(), is_last, uuid };
-        let denoise = |images: [&[f32]; 3]| denoised::denoise(&self.shared.denoiser, images, task, &goes_on);
+        let denoise = |images: [&[f32]; 3]| denoiser::denoise(&self.shared.denoiser, images, task, &goes_on);
         let done = film.look_at_guides(denoise)?.unwrap_or(Ok(None));
         let picture = done.unwrap_or_else(|text| {
             self.shared.report(Severity::Warning, text);
