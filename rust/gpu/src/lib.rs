@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! A safe interface to Vulkan; this is the only crate of OocPT that calls Vulkan. Apart from it, a [`DenoiserDevice`] by
-//! a library that is loaded at run time.
+//! A safe interface to Vulkan; this is the only crate of OocPT that calls Vulkan. Apart from it, a [`DenoiserDevice`]
+//! by a library that is loaded at run time.
 //!
 //! It provides a device chosen by name or by rank ([`Gpu`]), memory under a hard budget ([`Buffer`], [`Heap`]), compute
 //! [`Pipeline`]s, command lists with barriers of their own ([`CommandList`]), on the main queue or one for transfers,
