@@ -7,7 +7,7 @@
 #include "wavefront/wavefront.glsl"
 
 float plane_sum(uint pixel, uint word) {
-    const uint64_t sums = FRAME.plane_sums + uint64_t(pixel) * (FRAME.plane_words * PLANE_SUM_BYTES);
+    const uint64_t sums = FRAME.plane_sums + uint64_t(pixel) * (FRAME.sum_words * PLANE_SUM_BYTES);
     return PlaneSums(sums).v[word].sum;
 }
 

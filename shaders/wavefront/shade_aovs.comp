@@ -72,7 +72,14 @@ void store_value(uint64_t values, uint first, vec3 value) {
     if (first != NO_INDEX) Vec3s(values + 4u * first).v[0] = value;
 }
 
-void store_sample(uint path, AovClear a) {
+// Stores the two words of an id, of which the first is 0 where nothing is met.
+void store_id(uint64_t values, uint first, uvec2 id) {
+    if (first == NO_INDEX) return;
+    Uints(values + 4u * first).v[0] = id.x;
+    Uints(values + 4u * first).v[1] = id.y;
+}
+
+void store_sample(uint path, AovClear a, bool hit) {
     const uint place = HAS_STREAMING ? path_place(path) : path;
     const uint64_t values = FRAME.plane_values + uint64_t(place) * (4u * FRAME.plane_words);
     const PlaneOffsets at = FRAME.plane_at;
@@ -82,6 +89,13 @@ void store_sample(uint path, AovClear a) {
     store_value(values, at.position, a.position);
     store_value(values, at.peye, a.peye);
     store_value(values, at.geometric_normal, a.geometric_normal);
+    if (HAS_ID_RANKS) {
+        const bool is_seen = hit && a.prim_id >= 0;
+        store_id(values, at.crypto_object, is_seen ? uvec2(uint(a.prim_id) + 1u, uint(a.instance_id)) : uvec2(0u));
+        uint material = 0u;
+        if (HAS_MATERIALS && hit && surface_material.material != NO_MATERIAL) material = surface_material.material + 1u;
+        store_id(values, at.crypto_material, uvec2(material, 0u));
+    }
 }
 
 void main() {
@@ -94,7 +108,7 @@ void main() {
     AovClear a = FRAME.aov_clear;
     if (hit) a = aovs_of(path, load_surface(path));
     if (is_sample) {
-        store_sample(path, a);
+        store_sample(path, a, hit);
         if (HAS_STREAMING && (FRAME.flags & FLAG_FIRST_HITS) != 0u) end_path(path, true);
         return;
     }

@@ -35,13 +35,13 @@ void main() {
     const uvec2 position = pixel_position(index);
     const uint pixel = film_pixel(position) + stream * FRAME.width * FRAME.height;
     const uint before = ConstFilm(FRAME.film).v[pixel].samples;
-    const uint words = FRAME.plane_words;
+    const uint words = FRAME.sum_words;
     const uint64_t sums = FRAME.plane_sums + uint64_t(pixel) * (words * PLANE_SUM_BYTES);
     for (uint word = 0u; word < words; ++word) {
         PlaneSum sum = PlaneSums(sums).v[word];
         uint samples = before;
         for (uint path = thread; path < push.path_count; path += pixels) {
-            const uint64_t values = FRAME.plane_values + uint64_t(push.arg0 + path) * (4u * words);
+            const uint64_t values = FRAME.plane_values + uint64_t(push.arg0 + path) * (4u * FRAME.plane_words);
             float weight = 1.0;
             if (has_filter_weights() && samples > 0u) weight = sample_weight(samples, path, position);
             sum = added(sum, samples, ConstFloats(values).v[word], weight);

@@ -60,6 +60,9 @@ constants! {
     ABSENT;
     FILM_PIXEL_BYTES;
     PLANE_SUM_BYTES;
+    ID_SLOT_BYTES;
+    ID_SLOTS;
+    ID_RANKS;
     ERROR_SUMS_BYTES;
     ERROR_GROUPS;
     EXACT_SUM_BIAS;

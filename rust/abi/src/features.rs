@@ -185,6 +185,8 @@ features! {
     MOTION_VECTORS: "motion over the image", [], Never;
     /// An image of the shading of surfaces is wanted: `normal`, `Neye` or `albedo`.
     SHADED_AOVS: "images of normals and albedo", [], Never;
+    /// Shares of pixels by object or material are wanted: `FrameConstants::id_slots` is used.
+    ID_RANKS: "ids ranked by coverage", [], Never;
     /// Pixels have two streams of samples, with different numbers of them: `FrameConstants::adaptive` is used.
     ADAPTIVE: "adaptive sampling: lists of samples, the second stream of the film", [], Never;
     /// Some mesh is made of balls: points.

@@ -102,6 +102,11 @@ shared! {
         pub variance: u64,
         /// f32, estimated relative standard error.
         pub error: u64,
+        /// [`IdSlot`], [`ID_RANKS`] of them, largest first: shares of the pixel that placements of prims have, by prim
+        /// id + 1 and instance id; written by `resolve_ids`, as the next.
+        pub crypto_object: u64,
+        /// Shares that materials have, by number + 1, and 0.
+        pub crypto_material: u64,
     }
 }
 
@@ -153,6 +158,10 @@ shared! {
         pub peye: u32,
         /// Of `AovTargets::geometric_normal`.
         pub geometric_normal: u32,
+        /// The two words of the id for `AovTargets::crypto_object`, behind all that is summed.
+        pub crypto_object: u32,
+        /// Those for `AovTargets::crypto_material`.
+        pub crypto_material: u32,
     }
 }
 
@@ -165,6 +174,8 @@ impl PlaneOffsets {
         position: crate::NO_INDEX,
         peye: crate::NO_INDEX,
         geometric_normal: crate::NO_INDEX,
+        crypto_object: crate::NO_INDEX,
+        crypto_material: crate::NO_INDEX,
     };
 }
 
@@ -180,6 +191,20 @@ shared! {
         /// Mean over the first `p` samples, `p` the largest power of two below their number; only if samples have
         /// negative weights.
         pub earlier: f32,
+    }
+}
+
+shared! {
+    /// What samples of a pixel met, and the number of these samples or, in an image, their share of the pixel, 12 B. All
+    /// zero = nothing.
+    #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+    pub struct IdSlot {
+        /// First word of the id; 0 = there is none.
+        pub id: u32,
+        /// Second word.
+        pub instance: u32,
+        /// Number of these samples, or their share.
+        pub weight: f32,
     }
 }
 
@@ -238,8 +263,11 @@ shared! {
         /// f32, `plane_words` of them by path, or by place of a segment with `Features::STREAMING`: what the sample's
         /// first hit has for filtered images. 0 without any, as `plane_sums`.
         pub plane_values: u64,
-        /// [`PlaneSum`], `plane_words` of them for each [`crate::FilmPixel`]. Zero before the first wave.
+        /// [`PlaneSum`], `sum_words` of them for each [`crate::FilmPixel`]. Zero before the first wave.
         pub plane_sums: u64,
+        /// [`IdSlot`], [`ID_SLOTS`] of them for each id of a sample and each [`crate::FilmPixel`]; only with
+        /// `Features::ID_RANKS`. Zero before the first wave.
+        pub id_slots: u64,
         /// Where the values of each image are among these.
         pub plane_at: PlaneOffsets,
         /// Colour that `resolve` puts under the picture: `color = premultiplied + clear_color * (1 - alpha)`.
@@ -363,14 +391,28 @@ shared! {
         pub filter_weight: f32,
         /// Random number for half of an axis from which on the filter is negative along it; above 1 if it never is.
         pub filter_negative_from: f32,
-        /// Number of values that a sample has for filtered images; 0 without any.
+        /// Number of values that a sample has for filtered images, with those of ids; 0 without any.
         pub plane_words: u32,
+        /// The first so many of these are summed.
+        pub sum_words: u32,
+        /// Number of ids, of two words each, that follow.
+        pub id_count: u32,
     }
 }
 
 /// Bytes of a [`PlaneSum`].
 #[allow(clippy::cast_possible_truncation, reason = "the size of a struct")]
 pub const PLANE_SUM_BYTES: u32 = size_of::<PlaneSum>() as u32;
+
+/// Bytes of an [`IdSlot`].
+#[allow(clippy::cast_possible_truncation, reason = "the size of a struct")]
+pub const ID_SLOT_BYTES: u32 = size_of::<IdSlot>() as u32;
+
+/// Ids of a pixel that are kept while it is sampled; beyond these the one of the least weight gives way.
+pub const ID_SLOTS: u32 = 16;
+
+/// Ids of a pixel in an image.
+pub const ID_RANKS: u32 = 6;
 
 /// Intervals of `FrameConstants::pixel_filter`.
 pub const FILTER_INTERVALS: u32 = 512;

@@ -74,6 +74,7 @@ pub const LAYOUTS: &[StructLayout] = &[
     AovClear::LAYOUT,
     PlaneOffsets::LAYOUT,
     PlaneSum::LAYOUT,
+    IdSlot::LAYOUT,
     FrameConstants::LAYOUT,
     ClipPlane::LAYOUT,
     StreamingPointers::LAYOUT,

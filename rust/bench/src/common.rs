@@ -263,7 +263,7 @@ pub(crate) fn only_color() -> Vec<AovRequest> {
 
 /// All images there are.
 pub(crate) fn all_images() -> Vec<AovRequest> {
-    let own = AovKind::ALL.into_iter().filter(|kind| *kind != AovKind::Denoised);
+    let own = AovKind::ALL.into_iter().filter(|kind| *kind != AovKind::Denoised && !kind.ranks_ids());
     own.map(|kind| AovRequest { kind, clear: [0.0; 4] }).collect()
 }
 

@@ -24,8 +24,10 @@ pub struct PassCondition {
 pub enum PassImage {
     /// Some plane that is traced through pixel centres.
     PixelCentres,
-    /// Some plane of what samples meet first.
+    /// Some plane that is a mean of what samples meet first.
     Filtered,
+    /// Some plane that ranks the ids of what samples meet first.
+    RankedIds,
     /// Some plane of either kind.
     FirstHits,
     /// `variance` or `error`.
@@ -167,6 +169,9 @@ passes! {
     /// Adds what the samples of a wave or segment have for filtered planes to their sums.
     SumPlanes = SUM_PLANES, When::image(PassImage::Filtered), Direct("`min(path_count, width * height)`"),
         "`plane_values`, `film`" => "`plane_sums`";
+    /// Counts the samples of a wave or segment in the slots of what they met.
+    RankIds = RANK_IDS, When::image(PassImage::RankedIds), Direct("`min(path_count, width * height)`"),
+        "`plane_values`" => "`id_slots`";
     /// Adds the samples of a wave or segment to the film.
     Accumulate = ACCUMULATE, When::ALWAYS, Direct("`min(path_count, width * height)`"),
         "`radiance`; streaming: `ended_radiance`" => "`film`";
@@ -179,6 +184,9 @@ passes! {
     /// Writes the filtered planes.
     ResolvePlanes = RESOLVE_PLANES, When::image(PassImage::Filtered), Direct("`width * height`"),
         "`plane_sums`, `film`" => "the filtered planes of `FrameConstants::aov`";
+    /// Writes the largest shares of each pixel by id.
+    ResolveIds = RESOLVE_IDS, When::image(PassImage::RankedIds), Direct("`width * height`"),
+        "`id_slots`, `film`" => "its planes of `FrameConstants::aov`";
     /// Writes the variance and the error of each pixel.
     TellSpread = TELL_SPREAD, When::image(PassImage::Spread), Direct("`width * height`"),
         "`film`" => "its planes of `FrameConstants::aov`";
@@ -248,6 +256,7 @@ pub fn document() -> String {
         conditions.extend(when.image.map(|image| match image {
             PassImage::PixelCentres => "images through pixel centres".to_owned(),
             PassImage::Filtered => "filtered images".to_owned(),
+            PassImage::RankedIds => "ranked ids".to_owned(),
             PassImage::FirstHits => "images of first hits".to_owned(),
             PassImage::Spread => "`variance` or `error`".to_owned(),
             PassImage::SampleCount => "`sampleCount`".to_owned(),

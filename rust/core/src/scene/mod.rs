@@ -20,6 +20,7 @@ mod mesh_outline;
 mod mesh_placements;
 mod mesh_store;
 mod placement_motion;
+mod prim_names;
 mod primvar_uses;
 mod report;
 pub(crate) mod resolve;
@@ -58,6 +59,7 @@ pub use snapshot::{
 pub use mesh_lights::MESH_LIGHT;
 pub use mesh_placements::{MeshPlacement, MeshPlacements};
 pub use placement_motion::PlacementMotion;
+pub use prim_names::PrimNames;
 pub use summary::summary;
 
 use crate::instancing::GroupId;

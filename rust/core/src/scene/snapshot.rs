@@ -55,6 +55,8 @@ pub struct PrimRecord {
 pub struct SurfaceTables {
     /// Materials in use.
     pub materials: Vec<Arc<Material>>,
+    /// Their paths; a material that a mesh light dresses has that of its mesh, with a number.
+    pub material_paths: Vec<Arc<str>>,
     /// Textures in use, each once.
     pub textures: Vec<TextureRef>,
     /// By prim id + 1 (0: meshes without an id); may be shorter than the largest id.

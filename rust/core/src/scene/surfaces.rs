@@ -265,6 +265,7 @@ impl SurfaceStore {
             indices.insert(path.clone(), u32::try_from(tables.materials.len()).unwrap_or(NO_MATERIAL));
             self.materials.insert(path.clone(), material.clone());
             tables.materials.push(material);
+            tables.material_paths.push(path.clone());
         }
         for (path, entry) in meshes.iter().filter(|(path, e)| shown.contains(*path) && e.built.is_some()) {
             let of =
@@ -278,8 +279,9 @@ impl SurfaceStore {
                     let same = known.get(&name).filter(|known| ***known == dressed).cloned();
                     let dressed = same.unwrap_or_else(|| Arc::new(dressed));
                     *slot = u32::try_from(tables.materials.len()).unwrap_or(NO_MATERIAL);
-                    self.materials.insert(name, dressed.clone());
+                    self.materials.insert(Arc::clone(&name), dressed.clone());
                     tables.materials.push(dressed);
+                    tables.material_paths.push(name);
                 }
             }
             if is_linked.contains(path) {

@@ -16,6 +16,7 @@ pub(crate) use waves::WaveSource;
 
 use crate::device::PassSpecialisation;
 use crate::error::RenderError;
+use crate::film::filtered::FilteredPlanes;
 use crate::frame::block::frame_block;
 use crate::frame::camera_blocks;
 use crate::frame::context::{FrameContext, is_cpu, limits_kinds, maps_host};
@@ -78,6 +79,7 @@ impl CompiledFeatures {
         let moves = needed.intersects(Features::MOTION | Features::DEFORMATION | Features::CAMERA_MOTION);
         needed.set(Features::MOTION_VECTORS, moves && film.has_motion());
         needed.set(Features::SHADED_AOVS, film.has_shaded_planes());
+        needed.set(Features::ID_RANKS, film.filtered().is_some_and(FilteredPlanes::has_ids));
         needed.set(Features::CLIPPING, !context.clip_planes.is_empty());
         needed.set(Features::ADAPTIVE, film.adaptive().is_some());
         needed.set(Features::PIXEL_FILTER, film.has_color() && !job.settings.filter().is_plain());

@@ -1,49 +1,83 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Images that are filtered with the samples: for each the mean over a pixel's samples of what they meet first.
+//! Images that are filtered with the samples: for each the mean over a pixel's samples of what they meet first, or the
+//! ids of that, ranked by their weights.
 //!
 //! A sample leaves its values for all of them, one after the other, at its path or, while streaming, at its place in a
 //! segment; before its light is added to the film they are added to the sums of its pixel, in the same order. So their
 //! bits depend on budget and schedule as little as those of the colour. Without such an image there is nothing of it.
 
 use crate::job::aov::AovKind;
-use oocpt_abi::{FrameConstants, PlaneOffsets, PlaneSum};
+use oocpt_abi::{FrameConstants, ID_SLOTS, IdSlot, PlaneOffsets, PlaneSum};
 use oocpt_gpu::{Buffer, BufferUsage, Gpu, GpuError};
 use std::sync::Arc;
+
+/// Words of an id.
+const ID_WORDS: u32 = 2;
 
 /// The filtered images of a film, and the sums of their values.
 #[derive(Debug)]
 pub(crate) struct FilteredPlanes {
+    /// In the order of their values; those that rank ids come last.
     kinds: Vec<AovKind>,
-    words: u32,
-    /// [`PlaneSum`] of each value, for each record of the film.
+    sample: SampleWords,
+    /// [`PlaneSum`] of each value, for each record of the film; behind them [`IdSlot`]s.
     pub(crate) sums: Buffer,
+    /// The byte at which the slots begin.
+    slots_at: u64,
 }
 
-/// Those of `kinds` that are filtered.
-pub(crate) fn filtered(kinds: &[AovKind]) -> Vec<AovKind> {
-    kinds.iter().copied().filter(|kind| kind.is_filterable()).collect()
+/// What a sample has for filtered images.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct SampleWords {
+    /// Values that are summed.
+    summed: u32,
+    /// Ids that are ranked.
+    ids: u32,
 }
 
-/// Values that a sample has for `kinds`.
-fn words(kinds: &[AovKind]) -> u32 {
-    // At most three for each kind.
-    kinds.iter().map(|kind| u32::try_from(kind.channels()).unwrap_or(0)).sum()
+impl SampleWords {
+    fn of(kinds: &[AovKind]) -> Self {
+        let summed = kinds.iter().filter(|kind| !kind.ranks_ids());
+        // At most three for each kind.
+        let summed = summed.map(|kind| u32::try_from(kind.channels()).unwrap_or(0)).sum();
+        let ids = kinds.iter().filter(|kind| kind.ranks_ids()).count();
+        Self { summed, ids: u32::try_from(ids).unwrap_or(0) }
+    }
+
+    fn all(self) -> u32 {
+        self.summed + ID_WORDS * self.ids
+    }
+
+    fn sums_bytes(self, records: u64) -> u64 {
+        records * u64::from(self.summed) * size_of::<PlaneSum>() as u64
+    }
+
+    fn slots_bytes(self, records: u64) -> u64 {
+        records * u64::from(self.ids) * u64::from(ID_SLOTS) * size_of::<IdSlot>() as u64
+    }
 }
 
-/// Bytes of the sums of a film of so many records.
+/// Those of `kinds` that are made of samples' first hits: means if `filters`, and ranks of ids.
+pub(crate) fn filtered(kinds: &[AovKind], filters: bool) -> Vec<AovKind> {
+    let means = kinds.iter().copied().filter(|kind| filters && kind.is_filterable());
+    means.chain(kinds.iter().copied().filter(|kind| kind.ranks_ids())).collect()
+}
+
+/// Bytes of the sums and slots of a film of so many records.
 pub(crate) fn sums_bytes(kinds: &[AovKind], records: u64) -> u64 {
-    records * u64::from(words(kinds)) * size_of::<PlaneSum>() as u64
+    let sample = SampleWords::of(kinds);
+    sample.sums_bytes(records) + sample.slots_bytes(records)
 }
 
 impl FilteredPlanes {
     /// Sums for a film of so many records; `None` if none of `kinds` is filtered.
-    pub(crate) fn new(gpu: &Arc<Gpu>, kinds: &[AovKind], records: u64) -> Result<Option<Self>, GpuError> {
-        let kinds = filtered(kinds);
+    pub(crate) fn new(gpu: &Arc<Gpu>, kinds: Vec<AovKind>, records: u64) -> Result<Option<Self>, GpuError> {
         if kinds.is_empty() {
             return Ok(None);
         }
+        let sample = SampleWords::of(&kinds);
         let sums = Buffer::new(gpu, "plane_sums", sums_bytes(&kinds, records), BufferUsage::Device)?;
-        Ok(Some(Self { words: words(&kinds), kinds, sums }))
+        Ok(Some(Self { kinds, sample, sums, slots_at: sample.sums_bytes(records) }))
     }
 
     pub(crate) fn has(&self, kind: AovKind) -> bool {
@@ -57,19 +91,31 @@ impl FilteredPlanes {
 
     /// Values of a sample.
     pub(crate) fn words(&self) -> u32 {
-        self.words
+        self.sample.all()
+    }
+
+    /// Whether any image is a mean.
+    pub(crate) fn has_means(&self) -> bool {
+        self.sample.summed > 0
+    }
+
+    /// Whether any image ranks ids.
+    pub(crate) fn has_ids(&self) -> bool {
+        self.sample.ids > 0
     }
 
     /// Writes what passes ask of them into a frame block.
     pub(crate) fn bind(&self, frame: &mut FrameConstants) {
         frame.plane_sums = self.sums.address();
-        frame.plane_words = self.words;
+        frame.id_slots = if self.has_ids() { self.sums.address() + self.slots_at } else { 0 };
+        frame.plane_words = self.sample.all();
+        (frame.sum_words, frame.id_count) = (self.sample.summed, self.sample.ids);
         let mut at = 0;
         for kind in &self.kinds {
             if let Some(first) = offset(&mut frame.plane_at, *kind) {
                 *first = at;
             }
-            at += words(&[*kind]);
+            at += SampleWords::of(&[*kind]).all();
         }
     }
 }
@@ -83,6 +129,8 @@ fn offset(at: &mut PlaneOffsets, kind: AovKind) -> Option<&mut u32> {
         AovKind::Position => Some(&mut at.position),
         AovKind::Peye => Some(&mut at.peye),
         AovKind::GeometricNormal => Some(&mut at.geometric_normal),
+        AovKind::CryptoObject => Some(&mut at.crypto_object),
+        AovKind::CryptoMaterial => Some(&mut at.crypto_material),
         AovKind::Color
         | AovKind::Depth
         | AovKind::CameraDepth
@@ -105,8 +153,12 @@ mod tests {
     fn what_can_be_filtered_has_a_place_among_the_values() {
         for kind in AovKind::ALL {
             let mut at = PlaneOffsets::NONE;
-            assert_eq!(offset(&mut at, kind).is_some(), kind.is_filterable(), "{kind:?}");
+            assert_eq!(offset(&mut at, kind).is_some(), kind.is_filterable() || kind.ranks_ids(), "{kind:?}");
         }
-        assert_eq!(words(&filtered(&AovKind::ALL)), 18, "six images of three channels");
+        let all = filtered(&AovKind::ALL, true);
+        assert_eq!(SampleWords::of(&all), SampleWords { summed: 18, ids: 2 }, "six images of three channels");
+        assert!(all[..6].iter().all(|kind| kind.is_filterable()), "ids come last: {all:?}");
+        assert_eq!(filtered(&AovKind::ALL, false), [AovKind::CryptoObject, AovKind::CryptoMaterial]);
+        assert_eq!(size_of::<IdSlot>() * oocpt_abi::ID_RANKS as usize, AovKind::CryptoObject.pixel_bytes());
     }
 }

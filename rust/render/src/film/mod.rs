@@ -108,12 +108,13 @@ impl Film {
     ) -> Result<Self, GpuError> {
         let (pixels, kinds) = (request.pixels(), request.kinds());
         let has_light = kinds.iter().any(|kind| kind.is_of_light());
-        let has_color = has_light || filtered && kinds.iter().any(|kind| kind.is_filterable());
+        let first_hits = filtered::filtered(&kinds, filtered);
+        let has_color = has_light || !first_hits.is_empty();
         let parts = error_groups(pixels) as usize * size_of::<ErrorSums>();
         let adaptive = (has_light && adaptive).then(|| AdaptiveBuffers::new(gpu, pixels)).transpose()?;
         let film_bytes = film_bytes(pixels, adaptive.is_some());
         let records = film_bytes / size_of::<FilmPixel>() as u64;
-        let filtered = filtered.then(|| FilteredPlanes::new(gpu, &kinds, records)).transpose()?.flatten();
+        let filtered = FilteredPlanes::new(gpu, first_hits, records)?;
         // The shader of the exact sums counts on the largest number of parts.
         let exact = (has_light && exact).then(|| film_bytes + u64::from(ERROR_GROUPS * ERROR_SUMS_BYTES));
         let exact_end = exact.map(|at| at + pixels * size_of::<ExactPixel>() as u64);
@@ -140,7 +141,7 @@ impl Film {
     /// Whether these images serve `request` too, wherever its window is.
     pub(crate) fn fits(&self, request: &RenderRequest, FilmSums { adaptive, exact, filtered }: FilmSums) -> bool {
         let same = self.pixels == request.pixels() && self.kinds == request.kinds();
-        let filters = filtered && self.kinds.iter().any(|kind| kind.is_filterable());
+        let filters = !filtered::filtered(&self.kinds, filtered).is_empty();
         same && self.exact.is_some() == (exact && self.has_light())
             && self.adaptive.is_some() == (adaptive && self.has_light())
             && self.filtered.is_some() == filters
@@ -279,7 +280,7 @@ impl Film {
         match &self.filtered {
             Some(filtered) => inventory.add(filtered.sums.name(), filtered.sums.size()),
             None => {
-                let all = filtered::sums_bytes(&filtered::filtered(&AovKind::ALL), self.pixels);
+                let all = filtered::sums_bytes(&filtered::filtered(&AovKind::ALL, true), self.pixels);
                 inventory.leave_out("plane_sums", all);
             }
         }
@@ -316,6 +317,8 @@ impl Film {
                 AovKind::GeometricNormal => &mut frame.aov.geometric_normal,
                 AovKind::Variance => &mut frame.aov.variance,
                 AovKind::Error => &mut frame.aov.error,
+                AovKind::CryptoObject => &mut frame.aov.crypto_object,
+                AovKind::CryptoMaterial => &mut frame.aov.crypto_material,
             };
             *address = plane.address();
         }
@@ -451,5 +454,7 @@ fn bind_clear(frame: &mut FrameConstants, aov: &AovRequest) {
         AovKind::GeometricNormal => frame.aov_clear.geometric_normal = [x, y, z],
         // Every pixel has one.
         AovKind::SampleCount | AovKind::Variance | AovKind::Error | AovKind::Denoised => {}
+        // Nothing is no id.
+        AovKind::CryptoObject | AovKind::CryptoMaterial => {}
     }
 }

@@ -72,6 +72,11 @@ aov_kinds! {
     /// Estimated standard error of the pixel relative to its value; the mean of its squares over the image is the told
     /// relMSE; f32. 0 below two samples.
     Error: "error", 1;
+    /// The largest shares of the pixel by placement of a prim ([`oocpt_abi::ID_RANKS`] of [`oocpt_abi::IdSlot`]): prim id
+    /// + 1 and instance id as u32, and the share as f32; zero where there are fewer. For Cryptomatte.
+    CryptoObject: "cryptoObject", 18;
+    /// The same by material: its number + 1, 0, and the share.
+    CryptoMaterial: "cryptoMaterial", 18;
     /// `Color` as the denoiser makes it (`crate::denoiser`); it is `Color` itself on the way and where there is none.
     Denoised: "denoised", 4;
 }
@@ -87,6 +92,11 @@ impl AovKind {
     /// is that of no surface.
     pub fn is_filterable(self) -> bool {
         matches!(self, Self::Normal | Self::Neye | Self::Albedo | Self::Position | Self::Peye | Self::GeometricNormal)
+    }
+
+    /// Whether the image ranks the ids of what the samples meet first, whatever the setting says.
+    pub fn ranks_ids(self) -> bool {
+        matches!(self, Self::CryptoObject | Self::CryptoMaterial)
     }
 
     /// Whether the image says something of the samples of `Color`.

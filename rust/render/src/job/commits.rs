@@ -13,7 +13,7 @@ use crate::job::request::RenderRequest;
 use crate::job::{RenderJob, SessionOptions};
 use crate::textures::ImageLibrary;
 use oocpt_core::inventory::PrimvarUse;
-use oocpt_core::scene::Snapshot;
+use oocpt_core::scene::{PrimNames, Snapshot};
 use oocpt_core::settings::Settings;
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -39,6 +39,12 @@ pub(crate) struct RenderAsk {
 }
 
 impl RenderAsk {
+    /// Whether a picture of it names what samples meet.
+    pub(crate) fn ranks_ids(&self) -> bool {
+        let requests = self.before.iter().map(|picture| &picture.request).chain([&self.request]);
+        requests.flat_map(|request| &request.aovs).any(|aov| aov.kind.ranks_ids())
+    }
+
     fn is_same(&self, request: &RenderRequest, settings: &Settings, files: &Arc<dyn LightFiles>) -> bool {
         self.request == *request && self.settings == *settings && Arc::ptr_eq(&self.files, files)
     }
@@ -69,7 +75,7 @@ impl RenderAsk {
 
     fn job(self, scene: CommittedScene, generation: u64, goes_on: bool) -> Arc<RenderJob> {
         let Self { request, settings, options, images, files, products, before: _ } = self;
-        let CommittedScene { snapshot, primvars, identity, meshes_made, fixed_host_bytes } = scene;
+        let CommittedScene { snapshot, primvars, identity, names, meshes_made, fixed_host_bytes } = scene;
         Arc::new(RenderJob {
             snapshot,
             request,
@@ -80,6 +86,7 @@ impl RenderAsk {
             products,
             primvars,
             scene: identity,
+            names,
             meshes_made,
             fixed_host_bytes,
             goes_on,
@@ -96,6 +103,8 @@ pub(crate) struct CommittedScene {
     pub(crate) primvars: Arc<[PrimvarUse]>,
     /// Hash of the scene, if something is to be known by it.
     pub(crate) identity: Option<u128>,
+    /// Names of what samples meet, for whoever asks for them.
+    pub(crate) names: Option<Arc<PrimNames>>,
     /// Meshes that the session has built so far.
     pub(crate) meshes_made: u64,
     /// Bytes of host memory that can be put nowhere else; 0 where there is no budget of it.
@@ -108,6 +117,7 @@ impl CommittedScene {
             snapshot: Arc::clone(&job.snapshot),
             primvars: Arc::clone(&job.primvars),
             identity: job.scene,
+            names: job.names.clone(),
             meshes_made: job.meshes_made,
             fixed_host_bytes: job.fixed_host_bytes,
         }
@@ -377,7 +387,7 @@ mod tests {
     fn scene() -> CommittedScene {
         let snapshot = SceneDb::new().commit().snapshot;
         let primvars = Vec::new().into();
-        CommittedScene { snapshot, primvars, identity: None, meshes_made: 0, fixed_host_bytes: 0 }
+        CommittedScene { snapshot, primvars, identity: None, names: None, meshes_made: 0, fixed_host_bytes: 0 }
     }
 
     /// Asks for a picture of this width and ends its commit; the scene is that of before.

@@ -22,7 +22,7 @@ use crate::job::product::ProductFile;
 use crate::job::request::RenderRequest;
 use crate::textures::ImageLibrary;
 use oocpt_core::inventory::PrimvarUse;
-use oocpt_core::scene::Snapshot;
+use oocpt_core::scene::{PrimNames, Snapshot};
 use oocpt_core::settings::Settings;
 use std::sync::Arc;
 
@@ -41,6 +41,8 @@ pub(crate) struct RenderJob {
     pub(crate) primvars: Arc<[PrimvarUse]>,
     /// Hash of the scene ([`oocpt_core::scene::SceneDb::identity`]), where a film is kept that is known by it.
     pub(crate) scene: Option<u128>,
+    /// Names of what samples meet, if an image needs them.
+    pub(crate) names: Option<Arc<PrimNames>>,
     /// Meshes that the session had built when it was posted.
     pub(crate) meshes_made: u64,
     /// Bytes of host memory that can be put nowhere else; 0 where there is no budget of it.

@@ -56,11 +56,24 @@ pub(crate) enum SampleFormat {
     Uint,
 }
 
+/// What a Cryptomatte layer tells apart.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum CryptomatteKind {
+    /// Placements of prims.
+    Object,
+    /// Materials.
+    Material,
+    /// Outermost instances, or parents of prims.
+    Asset,
+}
+
 /// A channel of a file: one component of an image.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct FileChannel {
     pub(crate) name: String,
     pub(crate) kind: AovKind,
+    /// It is one of a Cryptomatte layer of that name, which is made of the image: components are those of the layer.
+    pub(crate) cryptomatte: Option<(CryptomatteKind, String)>,
     pub(crate) component: usize,
     pub(crate) format: SampleFormat,
 }
@@ -78,6 +91,13 @@ pub(crate) enum FileCompression {
     B44a,
     Dwaa,
     Dwab,
+}
+
+impl FileCompression {
+    /// Whether floats come back with other bits.
+    pub(crate) fn is_lossy(self) -> bool {
+        matches!(self, Self::Pxr24 | Self::B44 | Self::B44a | Self::Dwaa | Self::Dwab)
+    }
 }
 
 /// A file that is to be written of a picture.

@@ -67,7 +67,7 @@ impl RenderRequest {
     pub(crate) fn has_samples_of(&self, have: &Self, filters: bool) -> bool {
         let view = |of: &Self| Self { aovs: Vec::new(), ..of.clone() };
         let has_light = |of: &Self| of.aovs.iter().any(|aov| aov.kind.is_of_light());
-        let is_filtered = |aov: &&AovRequest| filters && aov.kind.is_filterable();
+        let is_filtered = |aov: &&AovRequest| filters && aov.kind.is_filterable() || aov.kind.ranks_ids();
         view(self) == view(have)
             && has_light(self) == has_light(have)
             && self.aovs.iter().filter(is_filtered).eq(have.aovs.iter().filter(is_filtered))

@@ -84,7 +84,8 @@ impl SessionScene {
         let (primvars, meshes_made) = (self.primvars_of(commit.snapshot.version), self.db.meshes_made());
         let has_file = [&settings.checkpoint, &settings.film_part].iter().any(|file| !file.is_empty());
         let identity = (has_file && !settings.interactive).then(|| self.identity(ask));
-        CommittedScene { snapshot: commit.snapshot, primvars, identity, meshes_made, fixed_host_bytes }
+        let names = ask.ranks_ids().then(|| Arc::new(self.db.prim_names()));
+        CommittedScene { snapshot: commit.snapshot, primvars, identity, names, meshes_made, fixed_host_bytes }
     }
 
     /// Has meshes built and kept as the settings say. With a budget of host memory gives what the scene's arrays take.

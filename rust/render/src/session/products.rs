@@ -49,9 +49,14 @@ pub(super) fn write(job: &RenderJob, shared: &SharedState) {
     for file in job.products.iter() {
         let frame = file.frame.map(|frame| ("frame".to_owned(), PictureAttribute::Number(frame)));
         let attributes: PictureAttributes = made.iter().cloned().chain(frame).collect();
-        match products::write(file, &job.request, &published, &attributes, &inputs) {
-            Ok(()) if file.is_temporary => {}
-            Ok(()) => {
+        match products::write(file, &job.request, &published, (&attributes, job.names.as_deref()), &inputs) {
+            Ok(warnings) => {
+                for text in warnings {
+                    shared.report(Severity::Warning, format!("{}: {text}", file.prim));
+                }
+                if file.is_temporary {
+                    continue;
+                }
                 let [width, height] = job.request.part().size();
                 let text = format!("{width} x {height}, {} channels", file.channels.len());
                 shared.report(Severity::Status, format!("wrote {} ({text})", file.path.display()));

@@ -6,6 +6,7 @@ use super::TraversalBackend;
 use crate::device::{Device, PassSpecialisation};
 use crate::error::RenderError;
 use crate::film::Film;
+use crate::film::filtered::FilteredPlanes;
 use crate::job::timings::RenderTimings;
 use oocpt_gpu::Pipeline;
 use oocpt_shaders::{PASSES, Pass, PassImage, PassInfo};
@@ -26,7 +27,8 @@ pub(super) fn wanted(
 ) -> Vec<&'static PassInfo> {
     let wants = |image| match image {
         PassImage::PixelCentres => film.has_planes(),
-        PassImage::Filtered => film.filtered().is_some(),
+        PassImage::Filtered => film.filtered().is_some_and(FilteredPlanes::has_means),
+        PassImage::RankedIds => film.filtered().is_some_and(FilteredPlanes::has_ids),
         PassImage::FirstHits => film.has_planes() || film.filtered().is_some(),
         PassImage::Spread => film.has_spread(),
         PassImage::SampleCount => film.has_counts(),

@@ -122,7 +122,10 @@ impl WavefrontRecorder<'_> {
             let (q, apart) = self.film.push(push.frame, piece.wave);
             let q = PushConstants { flags: push.flags, ..q }.with(push.round, push.arg0 + piece.offset);
             // It reads how many samples there were.
-            self.direct(commands, Pass::SumPlanes, q, piece.wave.count.min(apart));
+            commands.concurrent(|c| {
+                self.direct(c, Pass::SumPlanes, q, piece.wave.count.min(apart));
+                self.direct(c, Pass::RankIds, q, piece.wave.count.min(apart));
+            });
             commands.concurrent(|c| {
                 self.direct(c, Pass::Accumulate, q, piece.wave.count.min(apart));
                 self.direct(c, Pass::SumExact, q, piece.wave.count.min(apart));
@@ -149,6 +152,7 @@ impl WavefrontRecorder<'_> {
                 self.direct(c, Pass::Resolve, self.push(PathKind::Samples), self.pixels);
                 self.direct(c, Pass::CountSamples, self.push(PathKind::Samples), self.pixels);
                 self.direct(c, Pass::ResolvePlanes, self.push(PathKind::Samples), self.pixels);
+                self.direct(c, Pass::ResolveIds, self.push(PathKind::Samples), self.pixels);
                 let scaled = self.push(PathKind::Samples).with(0, self.film.error_scale());
                 self.direct(c, Pass::TellSpread, scaled, self.pixels);
             });

@@ -14,17 +14,17 @@ use oocpt_core::settings::{Settings, TraversalKind};
 use oocpt_render::{AovKind, AovRequest, RenderRequest, Session, SessionOptions};
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 
-const SIZE: [u32; 2] = [24, 18];
-const SAMPLES: u32 = 32;
+pub(crate) const SIZE: [u32; 2] = [24, 18];
+pub(crate) const SAMPLES: u32 = 32;
 const FILTERED: [AovKind; 6] =
     [AovKind::Albedo, AovKind::Normal, AovKind::Neye, AovKind::Position, AovKind::Peye, AovKind::GeometricNormal];
 
-fn asking(camera: Camera, kinds: &[AovKind], clear: [f32; 4]) -> RenderRequest {
+pub(crate) fn asking(camera: Camera, kinds: &[AovKind], clear: [f32; 4]) -> RenderRequest {
     let aovs = kinds.iter().map(|&kind| AovRequest { kind, clear }).collect();
     RenderRequest { aovs, ..request(camera) }
 }
 
-fn session_of(settings: Settings, streams: bool, build: impl FnOnce(&mut SceneDb)) -> Session {
+pub(crate) fn session_of(settings: Settings, streams: bool, build: impl FnOnce(&mut SceneDb)) -> Session {
     let options = SessionOptions { validation: true, force_streaming: streams, ..SessionOptions::default() };
     let session = Session::with_options(settings, options);
     session.with_scene(build);
@@ -54,14 +54,14 @@ fn card(path: &str, id: i32, Card { z, x, y, albedo }: Card) -> MeshDesc {
     mesh(prim(path, DMat4::from_translation(PLACE)), id, corners, &[vec![0, 1, 2, 3]], albedo)
 }
 
-fn cards(db: &mut SceneDb) {
+pub(crate) fn cards(db: &mut SceneDb) {
     for (id, of) in (0..).zip(CARDS) {
         db.upsert_mesh(card(&format!("/card{id}"), id, of));
     }
 }
 
 /// The unit disk by two numbers (Shirley and Chiu 1997).
-fn disk(u: [f32; 2]) -> [f64; 2] {
+pub(crate) fn disk(u: [f32; 2]) -> [f64; 2] {
     let [a, b] = u.map(|u| 2.0 * f64::from(u) - 1.0);
     let (radius, angle) =
         if a.abs() > b.abs() { (a, FRAC_PI_4 * (b / a)) } else { (b, FRAC_PI_2 - FRAC_PI_4 * (a / b)) };
@@ -69,7 +69,7 @@ fn disk(u: [f32; 2]) -> [f64; 2] {
 }
 
 /// Origin and direction in the world of a sample's ray, by the camera's definition.
-fn ray(camera: &Camera, p: [f64; 2], lens: [f64; 2]) -> (DVec3, DVec3) {
+pub(crate) fn ray(camera: &Camera, p: [f64; 2], lens: [f64; 2]) -> (DVec3, DVec3) {
     let [width, height] = SIZE.map(f64::from);
     let (x, y) = (2.0 * p[0] / width - 1.0, 2.0 * p[1] / height - 1.0);
     // In focus: the ray of a pinhole at the distance of the focus.
@@ -80,14 +80,23 @@ fn ray(camera: &Camera, p: [f64; 2], lens: [f64; 2]) -> (DVec3, DVec3) {
     (world.transform_point3(lens), world.transform_vector3((in_focus - lens).normalize()))
 }
 
+/// The number of the card that a ray meets.
+pub(crate) fn card_met((o, d): (DVec3, DVec3)) -> Option<usize> {
+    CARDS.iter().position(|card| card.met_at(o, d).is_some())
+}
+
+impl Card {
+    fn met_at(&self, o: DVec3, d: DVec3) -> Option<DVec3> {
+        let at = o + d * ((PLACE.z + self.z - o.z) / d.z);
+        let (x, y) = (at.x - PLACE.x, at.y - PLACE.y);
+        let inside = x >= self.x[0] && x <= self.x[1] && y >= self.y[0] && y <= self.y[1];
+        inside.then_some(at)
+    }
+}
+
 /// What a sample has for an image.
 fn value(kind: AovKind, camera: &Camera, (o, d): (DVec3, DVec3), clear: f64) -> DVec3 {
-    let met = CARDS.iter().find_map(|card| {
-        let at = o + d * ((PLACE.z + card.z - o.z) / d.z);
-        let (x, y) = (at.x - PLACE.x, at.y - PLACE.y);
-        let inside = x >= card.x[0] && x <= card.x[1] && y >= card.y[0] && y <= card.y[1];
-        inside.then_some((at, card.albedo))
-    });
+    let met = CARDS.iter().find_map(|card| Some((card.met_at(o, d)?, card.albedo)));
     let Some((at, albedo)) = met else { return DVec3::splat(clear) };
     let view = camera.world_from_view.inverse();
     match kind {
@@ -100,7 +109,7 @@ fn value(kind: AovKind, camera: &Camera, (o, d): (DVec3, DVec3), clear: f64) -> 
     }
 }
 
-fn blurred() -> Camera {
+pub(crate) fn blurred() -> Camera {
     let mut camera = perspective(PLACE + DVec3::new(0.9, 0.4, 5.0), PLACE, 0.6, SIZE);
     (camera.lens_radius, camera.focus_distance) = (0.25, 4.0);
     camera

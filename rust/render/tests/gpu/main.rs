@@ -35,6 +35,7 @@ mod motion_vectors;
 mod native_traversal;
 mod passes;
 mod pixel_filter;
+mod ranked_ids;
 mod refitted;
 mod sample_counts;
 mod scenes;

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The channels that a render var becomes: names of sources as users of hdPrman, Karma and Arnold write them. Pure.
 
+use super::cryptomatte;
 use crate::job::aov::AovKind;
-use crate::job::product::{FileChannel, ProductVar, SampleFormat};
+use crate::job::product::{CryptomatteKind, FileChannel, ProductVar, SampleFormat};
 
 /// A source and the names that it goes by.
 struct SourceRow {
@@ -68,14 +69,15 @@ fn source(var: &ProductVar) -> Result<&'static SourceRow, String> {
 
 /// The name of a source that is nearest to `name`.
 fn nearest(name: &str) -> &'static str {
-    let names = ROWS.iter().flat_map(|row| row.names.iter().copied());
+    let names = ROWS.iter().flat_map(|row| row.names.iter().copied()).chain(CRYPTOMATTE.map(|(name, _)| name));
     let short: String = name.chars().take(64).collect();
     names.min_by_key(|known| strsim::damerau_levenshtein(known, &short)).unwrap_or("color")
 }
 
 /// What is wrong with the name of an AOV: says the nearest one.
 pub fn unknown_aov(name: &str) -> Option<String> {
-    source(&ProductVar { source_name: name.to_owned(), ..ProductVar::default() }).err()
+    let var = ProductVar { source_name: name.to_owned(), ..ProductVar::default() };
+    if cryptomatte_of(&var).is_some() { None } else { source(&var).err() }
 }
 
 /// A setting of a var or a product under one of its names.
@@ -98,6 +100,9 @@ fn data_type(name: &str) -> (usize, SampleFormat) {
 
 /// The channels of a var in a file that has `before`; or why there are none.
 pub(super) fn of_var(var: &ProductVar, before: &[FileChannel]) -> Result<Vec<FileChannel>, String> {
+    if let Some(kind) = cryptomatte_of(var) {
+        return free(of_cryptomatte(kind, layer_name(var)), before);
+    }
     let row = source(var)?;
     let is_id = matches!(row.kind, AovKind::PrimId | AovKind::InstanceId | AovKind::ElementId);
     let (components, format) = match (var.data_type.trim(), is_id) {
@@ -111,9 +116,7 @@ pub(super) fn of_var(var: &ProductVar, before: &[FileChannel]) -> Result<Vec<Fil
         None if is_id && format == SampleFormat::Half => SampleFormat::Float,
         None => format,
     };
-    let named = setting(&var.settings, &["driver:parameters:aov:name"]).filter(|name| !name.is_empty());
-    let name = named.unwrap_or_else(|| var.prim.rsplit('/').next().unwrap_or("color"));
-    let name: String = name.chars().filter(|c| !c.is_control()).take(MAX_NAME_CHARS).collect();
+    let name = layer_name(var);
     // Colour has alpha only in types of four components.
     let count = if row.parts == "RGBA" && components < 4 { 3 } else { row.parts.len() };
     let is_free = |name: &str| before.iter().all(|channel| channel.name != name);
@@ -130,14 +133,59 @@ pub(super) fn of_var(var: &ProductVar, before: &[FileChannel]) -> Result<Vec<Fil
             (false, _) => format!("{name}.{part}"),
         },
         kind: row.kind,
+        cryptomatte: None,
         component: row.first + at,
         format,
     });
-    let channels: Vec<FileChannel> = channels.collect();
+    free(channels.collect(), before)
+}
+
+/// The channels, if the file has none of their names.
+fn free(channels: Vec<FileChannel>, before: &[FileChannel]) -> Result<Vec<FileChannel>, String> {
+    let is_free = |name: &str| before.iter().all(|channel| channel.name != name);
     match channels.iter().find(|channel| channel.name.is_empty() || !is_free(&channel.name)) {
         Some(channel) => Err(format!("the file has a channel named '{}' already", channel.name)),
         None => Ok(channels),
     }
+}
+
+/// The name of a var's layer.
+fn layer_name(var: &ProductVar) -> String {
+    let named = setting(&var.settings, &["driver:parameters:aov:name"]).filter(|name| !name.is_empty());
+    let name = named.unwrap_or_else(|| var.prim.rsplit('/').next().unwrap_or("color"));
+    name.chars().filter(|c| !c.is_control()).take(MAX_NAME_CHARS).collect()
+}
+
+/// Names of Cryptomatte sources; case does not matter.
+const CRYPTOMATTE: [(&str, CryptomatteKind); 6] = [
+    ("crypto_object", CryptomatteKind::Object),
+    ("CryptoObject", CryptomatteKind::Object),
+    ("crypto_material", CryptomatteKind::Material),
+    ("CryptoMaterial", CryptomatteKind::Material),
+    ("crypto_asset", CryptomatteKind::Asset),
+    ("CryptoAsset", CryptomatteKind::Asset),
+];
+
+fn cryptomatte_of(var: &ProductVar) -> Option<CryptomatteKind> {
+    let is_source = matches!(&*var.source_type, "" | "raw" | "intrinsic");
+    let same = |(name, _): &&(&str, _)| name.eq_ignore_ascii_case(var.source_name.trim());
+    CRYPTOMATTE.iter().find(same).filter(|_| is_source).map(|(_, kind)| *kind)
+}
+
+/// The channels of a Cryptomatte layer: floats, whatever type the var has, since their bits are hashes.
+fn of_cryptomatte(kind: CryptomatteKind, name: String) -> Vec<FileChannel> {
+    let image = match kind {
+        CryptomatteKind::Object | CryptomatteKind::Asset => AovKind::CryptoObject,
+        CryptomatteKind::Material => AovKind::CryptoMaterial,
+    };
+    let channel = |component: usize| FileChannel {
+        name: format!("{name}{:02}.{}", component / 4, ["R", "G", "B", "A"][component % 4]),
+        kind: image,
+        cryptomatte: Some((kind, name.clone())),
+        component,
+        format: SampleFormat::Float,
+    };
+    (0..cryptomatte::CHANNELS).map(channel).collect()
 }
 
 /// Longest name of a layer, characters: EXR allows 255 bytes of a channel's.

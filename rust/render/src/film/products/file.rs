@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Writes a product's file from the images of a finished picture.
 
+use super::cryptomatte::{self, CryptomatteLayer};
 use super::plan::is_input;
 use crate::film::picture::{PictureAttributes, layer_attributes};
 use crate::job::aov::AovKind;
@@ -8,9 +9,12 @@ use crate::job::product::{FileChannel, FileCompression, ProductFile, SampleForma
 use crate::job::publish::PublishedImages;
 use crate::job::request::RenderRequest;
 use exr::compression::Compression;
-use exr::meta::attribute::{IntegerBounds, Text};
+use exr::meta::attribute::{AttributeValue, IntegerBounds, Text};
 use exr::prelude::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, Vec2, WritableImage as _, f16};
+use oocpt_abi::IdSlot;
+use oocpt_core::scene::PrimNames;
 use rayon::prelude::*;
+use std::collections::BTreeMap;
 use std::io::{BufWriter, Read as _};
 use std::path::Path;
 
@@ -40,9 +44,9 @@ pub(crate) fn write(
     file: &ProductFile,
     request: &RenderRequest,
     images: &PublishedImages,
-    attributes: &PictureAttributes,
+    (attributes, names): (&PictureAttributes, Option<&PrimNames>),
     inputs: &[&str],
-) -> Result<(), ProductError> {
+) -> Result<Vec<String>, ProductError> {
     let name = || file.path.display().to_string();
     if is_input(&file.path, inputs) {
         return Err(ProductError::Input(name()));
@@ -51,16 +55,21 @@ pub(crate) fn write(
         return Err(ProductError::Foreign(name()));
     }
     let window = request.part();
+    let mattes = mattes(file, request, images, names)?;
     let channels = file.channels.iter().map(|channel| {
-        let bytes = request.image_pixels().saturating_mul(channel.kind.pixel_bytes() as u64);
-        let image = images.shown_image(channel.kind).filter(|image| image.len() as u64 == bytes);
-        let image = image.ok_or(ProductError::Image(channel.kind))?;
-        let rows = window.rows(request.width, channel.kind.pixel_bytes()).rev();
-        let rows: Vec<&[u8]> = rows.filter_map(|row| image.get(row)).collect();
+        if let Some(matte) = channel.cryptomatte.as_ref().and_then(|(_, layer)| mattes.get(layer)) {
+            let component = matte.pixels.iter().skip(channel.component).step_by(cryptomatte::CHANNELS);
+            let samples = FlatSamples::F32(component.copied().collect());
+            return Ok(AnyChannel::new(Text::from(channel.name.as_str()), samples));
+        }
+        let rows = rows(request, images, channel.kind).ok_or(ProductError::Image(channel.kind))?;
         Ok(AnyChannel::new(Text::from(channel.name.as_str()), samples(&rows, channel)))
     });
     let channels = AnyChannels::sort(channels.collect::<Result<_, ProductError>>()?);
     let mut layer = layer_attributes(attributes);
+    for (name, value) in mattes.values().flat_map(|matte| &matte.attributes) {
+        layer.other.insert(Text::from(name.as_str()), AttributeValue::Text(Text::from(value.as_str())));
+    }
     layer.layer_position = Vec2(file.data_corner[0], file.data_corner[1]);
     let encoding = Encoding { compression: compression(file.compression), ..Encoding::FAST_LOSSLESS };
     let mut image =
@@ -76,7 +85,37 @@ pub(crate) fn write(
         let done = image.write().to_buffered(BufWriter::new(out));
         done.map_err(|error| std::io::Error::other(error.to_string()))
     });
-    written.map_err(file_error)
+    written.map_err(file_error)?;
+    let short = mattes.iter().filter(|(_, matte)| matte.unnamed > 0);
+    Ok(short.map(|(layer, matte)| format!("{layer}: {} names are not in the manifest", matte.unnamed)).collect())
+}
+
+/// The Cryptomatte layers of a file by name, top row first.
+fn mattes(
+    file: &ProductFile,
+    request: &RenderRequest,
+    images: &PublishedImages,
+    names: Option<&PrimNames>,
+) -> Result<BTreeMap<String, CryptomatteLayer>, ProductError> {
+    let mut mattes = BTreeMap::new();
+    for channel in &file.channels {
+        let Some((kind, layer)) = channel.cryptomatte.as_ref().filter(|(_, layer)| !mattes.contains_key(layer)) else {
+            continue;
+        };
+        let (Some(names), Some(rows)) = (names, rows(request, images, channel.kind)) else {
+            return Err(ProductError::Image(channel.kind));
+        };
+        let slots: Vec<IdSlot> = rows.iter().flat_map(|row| bytemuck::pod_collect_to_vec::<u8, IdSlot>(row)).collect();
+        mattes.insert(layer.clone(), cryptomatte::layer(*kind, layer, names, &slots));
+    }
+    Ok(mattes)
+}
+
+/// The rendered rows of an image, top row first; `None` if there is no such image.
+fn rows<'a>(request: &RenderRequest, images: &'a PublishedImages, kind: AovKind) -> Option<Vec<&'a [u8]>> {
+    let bytes = request.image_pixels().saturating_mul(kind.pixel_bytes() as u64);
+    let image = images.shown_image(kind).filter(|image| image.len() as u64 == bytes)?;
+    request.part().rows(request.width, kind.pixel_bytes()).rev().map(|row| image.get(row)).collect()
 }
 
 /// Whether there is no file, or a picture.

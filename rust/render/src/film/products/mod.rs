@@ -5,6 +5,7 @@
 //! one that the scene reads.
 
 mod channels;
+mod cryptomatte;
 mod file;
 mod frame_name;
 mod plan;

@@ -87,11 +87,16 @@ fn file_of(product: &RenderProduct, taken: &[PathBuf], warnings: &mut Vec<String
         return Err("its pixelAspectRatio is not a positive number".to_owned());
     }
     let channels = channels_of(product, warnings)?;
+    let mut compression = compression_of(product, warnings);
+    if compression.is_lossy() && channels.iter().any(|channel| channel.cryptomatte.is_some()) {
+        warnings.push(format!("{}: Cryptomatte needs exact numbers; zip is used", product.prim));
+        compression = FileCompression::Zip;
+    }
     Ok(ProductFile {
         prim: product.prim.clone(),
         path,
         channels,
-        compression: compression_of(product, warnings),
+        compression,
         pixel_aspect: product.pixel_aspect,
         display_size: product.display_size,
         data_corner: product.data_corner,
