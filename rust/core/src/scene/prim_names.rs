@@ -59,6 +59,27 @@ impl PrimNames {
     }
 }
 
+/// The path without what hosts put into those of prototypes: names that tell nothing, and numbers that are others in
+/// each process. `ForInstancer` and a number (`UsdImagingPiPrototypePropagatingSceneIndex`); `UsdNiInstancer`,
+/// `UsdNiPrototype`, `UsdNiPropagatedPrototypes` with a name behind it (`UsdImagingNiPrototypePropagatingSceneIndex`).
+fn without_copies(path: &str) -> String {
+    let is_copy = |name: &str| {
+        let number = name.strip_prefix("ForInstancer");
+        number.is_some_and(|number| !number.is_empty() && number.bytes().all(|byte| byte.is_ascii_hexdigit()))
+    };
+    let mut names = path.split('/');
+    let mut kept: Vec<&str> = Vec::new();
+    while let Some(name) = names.next() {
+        match name {
+            "UsdNiPropagatedPrototypes" => drop(names.next()),
+            "UsdNiInstancer" | "UsdNiPrototype" => {}
+            name if is_copy(name) => {}
+            name => kept.push(name),
+        }
+    }
+    kept.join("/")
+}
+
 /// The index in each instancer of a flat index.
 fn indices(levels: &[Level], instance: u32) -> Vec<u32> {
     let mut rest = instance;
@@ -123,7 +144,10 @@ impl SceneDb {
         let mut ways = Ways::of(&self.snapshot).prims;
         let prims = self.meshes.iter().filter_map(|(path, entry)| {
             let id = entry.desc.prim_id;
-            Some((id, (Arc::clone(path), ways.remove(&id)?)))
+            let levels = ways
+                .remove(&id)?
+                .map(|levels| levels.into_iter().map(|(path, count)| (without_copies(&path).into(), count)).collect());
+            Some((id, (without_copies(path).into(), levels)))
         });
         PrimNames { prims: prims.collect(), materials: self.snapshot.surfaces.material_paths.clone() }
     }
@@ -147,6 +171,14 @@ mod tests {
         assert_eq!(nested.object(7, 12 * 8 + 3).as_deref(), Some("/forest/tree/leaf[12][3]"));
         assert_eq!(nested.asset(7, 12 * 8 + 3).as_deref(), Some("/forest[12]"));
         assert_eq!(nested.object(8, 0), None, "nobody has this id");
+    }
+
+    #[test]
+    fn numbers_that_change_from_process_to_process_are_no_part_of_a_name() {
+        assert_eq!(without_copies("/a/Leaf/ForInstancer72ffcd9/ForInstancer01"), "/a/Leaf");
+        let native = "/UsdNiPropagatedPrototypes/NoPrimvars_purpose98/__Prototype_1/UsdNiInstancer/UsdNiPrototype/Beam";
+        assert_eq!(without_copies(native), "/__Prototype_1/Beam");
+        assert_eq!(without_copies("/a/ForInstancerless/ForInstancer/b"), "/a/ForInstancerless/ForInstancer/b");
     }
 
     #[test]

@@ -25,6 +25,7 @@ fn image_of(also: Also) -> AovKind {
     match also {
         Also::Depth => AovKind::Depth,
         Also::Albedo | Also::Filtered | Also::StreamedFiltered => AovKind::Albedo,
+        Also::Ids => AovKind::CryptoObject,
         Also::Errors => AovKind::Error,
         Also::Counts => AovKind::SampleCount,
         Also::Motion => AovKind::Motion,

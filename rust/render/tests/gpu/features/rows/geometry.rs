@@ -109,6 +109,14 @@ pub(crate) const ROWS: &[Row] = &[
         ..BARE
     },
     Row {
+        what: "objects by coverage",
+        features: &["ID_RANKS"],
+        passes: &[&["shade_aovs", "rank_ids", "resolve_ids"]],
+        buffers: &[&["image cryptoObject", "plane_values", "plane_sums"]],
+        also: Also::Ids,
+        ..BARE
+    },
+    Row {
         what: "errors of pixels",
         passes: &[&["tell_spread"]],
         buffers: &[&["image error"]],

@@ -42,6 +42,7 @@ pub(crate) enum Also {
     Albedo,
     Filtered,
     StreamedFiltered,
+    Ids,
     Errors,
     Counts,
     FilmPart,
