@@ -195,8 +195,8 @@ shared! {
 }
 
 shared! {
-    /// What samples of a pixel met, and the number of these samples or, in an image, their share of the pixel, 12 B. All
-    /// zero = nothing.
+    /// What samples of a pixel met, and the number of these samples or, in an image, their share of the pixel, 12 B.
+    /// All zero = nothing.
     #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
     pub struct IdSlot {
         /// First word of the id; 0 = there is none.

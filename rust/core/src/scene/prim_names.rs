@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Names of what a sample can meet, for files that identify it by name (Cryptomatte): placements of prims, the outermost
-//! instance that they are in, materials. Names are paths, which stay the same from frame to frame; a placement in
-//! instancers has the index in each behind it, the outermost first: `/forest/tree/leaf[12][3]`. Pure.
+//! Names of what a sample can meet, for files that identify it by name (Cryptomatte): placements of prims, the
+//! outermost instance that they are in, materials. Names are paths, which stay the same from frame to frame; a placement
+//! in instancers has the index in each behind it, the outermost first: `/forest/tree/leaf[12][3]`. Pure.
 
 use super::{InstanceTarget, SceneDb, Snapshot};
 use rustc_hash::FxHashMap;
@@ -9,16 +9,16 @@ use std::fmt::Write as _;
 use std::sync::Arc;
 
 /// An instancer on the way to a prim, and the number of its placements of what comes next.
-type Level = (Arc<str>, u32);
+type InstancerLevel = (Arc<str>, u32);
 
-/// The instancers on the way to an assembly or prim, from the outermost in; `None` where there are several ways, so that
-/// the flat index of a placement does not say which one it is of.
-type Way = Option<Vec<Level>>;
+/// The instancers on the way to an assembly or prim, from the outermost in; `None` where there are several ways, so
+/// that the flat index of a placement does not say which one it is of.
+type PrimWay = Option<Vec<InstancerLevel>>;
 
 /// The names of a scene's prims and materials.
 #[derive(Clone, Debug, Default)]
 pub struct PrimNames {
-    prims: FxHashMap<i32, (Arc<str>, Way)>,
+    prims: FxHashMap<i32, (Arc<str>, PrimWay)>,
     materials: Vec<Arc<str>>,
 }
 
@@ -81,7 +81,7 @@ fn without_copies(path: &str) -> String {
 }
 
 /// The index in each instancer of a flat index.
-fn indices(levels: &[Level], instance: u32) -> Vec<u32> {
+fn indices(levels: &[InstancerLevel], instance: u32) -> Vec<u32> {
     let mut rest = instance;
     let mut indices = vec![0; levels.len()];
     for (at, (_, count)) in levels.iter().enumerate().rev() {
@@ -92,12 +92,12 @@ fn indices(levels: &[Level], instance: u32) -> Vec<u32> {
 }
 
 /// The ways to the assemblies and meshes of a snapshot.
-struct Ways {
-    assemblies: Vec<Option<Way>>,
-    prims: FxHashMap<i32, Way>,
+struct PrimWays {
+    assemblies: Vec<Option<PrimWay>>,
+    prims: FxHashMap<i32, PrimWay>,
 }
 
-impl Ways {
+impl PrimWays {
     fn of(snapshot: &Snapshot) -> Self {
         let count = snapshot.assemblies.len();
         let mut ways = Self { assemblies: vec![None; count], prims: FxHashMap::default() };
@@ -131,7 +131,7 @@ impl Ways {
 }
 
 /// Another way leads to the same place.
-fn merge(have: &mut Way, other: &Way) {
+fn merge(have: &mut PrimWay, other: &PrimWay) {
     if have != other {
         *have = None;
     }
@@ -141,7 +141,7 @@ impl SceneDb {
     /// The names of the prims and materials of the last commit's snapshot.
     #[must_use]
     pub fn prim_names(&self) -> PrimNames {
-        let mut ways = Ways::of(&self.snapshot).prims;
+        let mut ways = PrimWays::of(&self.snapshot).prims;
         let prims = self.meshes.iter().filter_map(|(path, entry)| {
             let id = entry.desc.prim_id;
             let levels = ways
@@ -157,11 +157,11 @@ impl SceneDb {
 mod tests {
     use super::*;
 
-    fn level(path: &str, count: u32) -> Level {
+    fn level(path: &str, count: u32) -> InstancerLevel {
         (path.into(), count)
     }
 
-    fn names(way: Way) -> PrimNames {
+    fn names(way: PrimWay) -> PrimNames {
         PrimNames { prims: [(7, ("/forest/tree/leaf".into(), way))].into_iter().collect(), materials: Vec::new() }
     }
 

@@ -72,8 +72,8 @@ aov_kinds! {
     /// Estimated standard error of the pixel relative to its value; the mean of its squares over the image is the told
     /// relMSE; f32. 0 below two samples.
     Error: "error", 1;
-    /// The largest shares of the pixel by placement of a prim ([`oocpt_abi::ID_RANKS`] of [`oocpt_abi::IdSlot`]): prim id
-    /// + 1 and instance id as u32, and the share as f32; zero where there are fewer. For Cryptomatte.
+    /// The largest shares of the pixel by placement of a prim ([`oocpt_abi::ID_RANKS`] of [`oocpt_abi::IdSlot`]): prim
+    /// id + 1 and instance id as u32, and the share as f32; zero where there are fewer. For Cryptomatte.
     CryptoObject: "cryptoObject", 18;
     /// The same by material: its number + 1, 0, and the share.
     CryptoMaterial: "cryptoMaterial", 18;

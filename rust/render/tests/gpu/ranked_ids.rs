@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Images that rank what samples meet: shares by closed forms and by the colour, the same bits everywhere, and nothing of
-//! them where nobody asks.
+//! Images that rank what samples meet: shares by closed forms and by the colour, the same bits everywhere, and nothing
+//! of them where nobody asks.
 
 use crate::checkpoints::{Folder, by, open};
 use crate::filtered_images::{SAMPLES, SIZE, asking, blurred, card_met, cards, disk, ray, session_of};
