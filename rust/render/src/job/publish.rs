@@ -81,11 +81,26 @@ impl PublishedImages {
             return false;
         }
         if self.layout != *layout {
-            self.images.iter_mut().for_each(|image| image.is_cleared = false);
+            if !self.layout.is_clear_as(layout) {
+                self.images.iter_mut().for_each(|image| image.is_cleared = false);
+            }
             self.layout = layout.clone();
         }
         self.generation = generation;
         true
+    }
+
+    /// Takes the images of `generation` from where its windows were put together; it has this layout.
+    pub(crate) fn take_over(&mut self, from: &mut Self, generation: u64, layout: &PictureLayout) {
+        if generation < self.generation || from.images.is_empty() {
+            return;
+        }
+        self.images = std::mem::take(&mut from.images);
+        for image in &mut self.images {
+            self.version += 1;
+            image.version = self.version;
+        }
+        (self.generation, self.layout) = (generation, layout.clone());
     }
 
     /// The job whose picture is there.
@@ -98,7 +113,7 @@ impl PublishedImages {
         self.generation == generation && !self.images.is_empty()
     }
 
-    /// Replaces the first so many pixels of the window in the image of `kind`, in the memory that it had: fresh pages
+    /// Replaces the first so many pixels of the film in the image of `kind`, in the memory that it had: fresh pages
     /// would take longer than the copy.
     pub(crate) fn put(&mut self, kind: AovKind, pixels: &[u8], there: u64) {
         let bytes = usize::try_from(there).unwrap_or(usize::MAX).saturating_mul(kind.pixel_bytes());
@@ -107,7 +122,7 @@ impl PublishedImages {
             if layout.is_whole() {
                 return copy_by_all(&mut image[..pixels.len()], pixels);
             }
-            let mut rest = pixels;
+            let mut rest = pixels.get(layout.hidden() * kind.pixel_bytes()..).unwrap_or_default();
             for row in layout.rows(kind) {
                 let (from, after) = rest.split_at(row.len().min(rest.len()));
                 image[row][..from.len()].copy_from_slice(from);

@@ -22,8 +22,10 @@ use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::path::Path;
 
-/// Fewest samples after which the error may count as small enough: with fewer, its estimate is too uncertain.
+/// Octave of the fewest samples after which the error may count as small enough: with fewer, its estimate is too uncertain.
 const MIN_SAMPLES_TO_STOP: u32 = 4;
+/// These samples.
+pub(crate) const FIRST_TO_STOP: u32 = 1 << MIN_SAMPLES_TO_STOP;
 
 /// The clock and counters of a row.
 #[derive(Clone, Copy, Debug, Default)]
@@ -33,6 +35,17 @@ pub(crate) struct RowMoment {
     pub(crate) bytes_paged: u64,
     /// Samples of each pixel, on average.
     pub(crate) samples: u32,
+    /// The picture of these samples is published, if any is to be compared.
+    pub(crate) has_picture: bool,
+}
+
+/// A measurement of a window of the picture.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct MeasuredRow {
+    /// None at an end between octaves.
+    pub(crate) octave: Option<u32>,
+    pub(crate) measured: MeasuredError,
+    pub(crate) moment: RowMoment,
 }
 
 /// What is known of the error of the samples that a film has.
@@ -80,6 +93,8 @@ pub(crate) struct ErrorLog {
     open: u64,
     /// The last row, held back because it may turn out to be the final one.
     last: Option<ErrorRow>,
+    /// All measurements, if the render is of a window of the picture.
+    rows: Option<Vec<MeasuredRow>>,
 }
 
 impl ErrorLog {
@@ -107,7 +122,13 @@ impl ErrorLog {
             has_halves,
             open,
             last: None,
+            rows: job.film_window.map(|_| Vec::new()),
         }
+    }
+
+    /// The measurements of a window of the picture.
+    pub(crate) fn take_rows(&mut self) -> Vec<MeasuredRow> {
+        self.rows.take().unwrap_or_default()
     }
 
     /// Forgets the samples so far, which are taken anew; the report goes on.
@@ -189,6 +210,9 @@ impl ErrorLog {
         octave: Option<u32>,
         moment: RowMoment,
     ) {
+        if let Some(rows) = &mut self.rows {
+            rows.push(MeasuredRow { octave, measured: measured.clone(), moment });
+        }
         let estimate = match octave {
             _ if self.has_halves => of_halves(&measured.sums),
             Some(octave) => self.history.convergence.octave(octave, &measured.sums),
@@ -200,8 +224,9 @@ impl ErrorLog {
             self.decide(octave, high);
         }
         let MeasuredError { worst, rays, .. } = measured;
-        let truth = self.reference.as_ref().and_then(|reference| reference.compare(&lock(&shared.published)));
-        let RowMoment { seconds, seconds_tracing, bytes_paged, samples } = moment;
+        let RowMoment { seconds, seconds_tracing, bytes_paged, samples, has_picture } = moment;
+        let reference = self.reference.as_ref().filter(|_| has_picture);
+        let truth = reference.and_then(|reference| reference.compare(&lock(&shared.published)));
         let row =
             ErrorRow { samples, seconds, seconds_tracing, rays, estimate, worst, bytes_paged, truth, is_last: false };
         self.write(shared);
