@@ -95,6 +95,8 @@ pub(crate) struct ErrorLog {
     last: Option<ErrorRow>,
     /// All measurements, if the render is of a window of the picture.
     rows: Option<Vec<MeasuredRow>>,
+    /// The log of the picture of which this render is a window wants octaves.
+    serves_octaves: bool,
 }
 
 impl ErrorLog {
@@ -123,7 +125,13 @@ impl ErrorLog {
             open,
             last: None,
             rows: job.film_window.map(|_| Vec::new()),
+            serves_octaves: false,
         }
+    }
+
+    /// Begins the render of a window of a picture, for the log of the picture.
+    pub(crate) fn serve(&mut self, picture: &Self) {
+        self.serves_octaves = picture.wants_octaves();
     }
 
     /// The measurements of a window of the picture.
@@ -176,7 +184,7 @@ impl ErrorLog {
 
     /// Returns true if waves are to end where octaves do, so that a row has the time of its own samples.
     pub(crate) fn wants_octaves(&self) -> bool {
-        self.writer.is_some() || self.reference.is_some() || self.target > 0.0
+        self.writer.is_some() || self.reference.is_some() || self.target > 0.0 || self.serves_octaves
     }
 
     /// Returns true if pictures are to be published with each octave.

@@ -129,7 +129,7 @@ fn every_window_traces_its_rows_and_one_beside_them() {
 #[test]
 fn a_target_error_ends_all_windows_at_the_samples_of_the_whole_picture() {
     let request = view(SIZE);
-    for target in [4e-2, 1e-2, 1e-9] {
+    for target in [1e-2, 1.2e-3, 1e-9] {
         let settings = Settings { target_error: target, ..by(TraversalKind::Auto, 96) };
         let whole = session(features, settings.clone(), None, false);
         render(&whole, &request);
@@ -141,12 +141,10 @@ fn a_target_error_ends_all_windows_at_the_samples_of_the_whole_picture() {
         expect_same_error(&row(&whole.stats()), &row(&parts.stats()), &what);
         // Films are gone on with from round to round.
         assert_eq!(parts.timings().paths, WINDOWS.1 * u64::from(samples), "{what}: no sample is taken twice");
-        let expected = if target > 3e-2 {
-            16..=64
-        } else if target > 1e-3 {
-            32..=95
-        } else {
-            96..=96
+        let expected = match target {
+            5e-3.. => 16..=16,
+            1e-4.. => 32..=64,
+            _ => 96..=96,
         };
         assert!(expected.contains(&samples), "{what}: {samples} samples");
     }

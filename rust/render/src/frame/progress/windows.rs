@@ -105,7 +105,9 @@ impl<'a> FrameProgress<'a> {
             share: share / of / all,
             number: [number + 1, windows],
         };
-        FrameProgress { window: Some(share), ..FrameProgress::start(apart, job) }
+        let mut window = FrameProgress { window: Some(share), ..FrameProgress::start(apart, job) };
+        window.log.serve(&self.log);
+        window
     }
 
     /// Adds what a window gave, and gives its measurements and its samples.
