@@ -180,7 +180,7 @@ impl Renderer {
         warn(job, windows.len(), gate.shared());
         tracing::info!(windows = windows.len(), "rendering the film window by window");
         self.kept = None;
-        progress.begin_windows();
+        progress.begin_windows(windows.len());
         let apart = SharedState::default();
         let mut picture = WindowedPicture {
             windows: &windows,
@@ -214,7 +214,7 @@ impl Renderer {
         if job.request.kinds().contains(&AovKind::Error) {
             progress.scale_error_image(&picture.rows);
         }
-        progress.finish_windows(windows.len())
+        progress.finish()
     }
 
     /// Brings each window to so many samples; false if `gate` has closed meanwhile.

@@ -255,6 +255,8 @@ impl ErrorLog {
     pub(crate) fn finish(&mut self, shared: &SharedState) {
         if let Some(row) = &mut self.last {
             row.is_last = true;
+            let compare = |reference: &ReferencePicture| reference.compare(&lock(&shared.published));
+            row.truth = row.truth.or_else(|| self.reference.as_ref().and_then(compare));
             lock(&shared.stats).error = Some(row.clone());
         }
         self.write(shared);

@@ -90,3 +90,60 @@ fn join(sum: &mut MeasuredRow, row: &MeasuredRow) {
     mine.bytes_paged += other.bytes_paged;
     mine.samples = if is_first { other.samples } else { mine.samples.min(other.samples) };
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::film::measure::MeasuredError;
+
+    fn row(octave: Option<u32>, samples: u32, s: f64) -> MeasuredRow {
+        let sums = PictureErrorSums { pixels: 10.0, s, ..PictureErrorSums::default() };
+        let measured = MeasuredError { sums, fewest: samples, most: samples, rays: 7, ..MeasuredError::default() };
+        MeasuredRow { octave, measured, moment: RowMoment { seconds: 1.0, samples, ..RowMoment::default() } }
+    }
+
+    /// Octave, sum of `s`, samples, rays and seconds of each row.
+    fn facts(rows: &[MeasuredRow]) -> Vec<(Option<u32>, f64, u32, u64, f64)> {
+        let facts = |row: &MeasuredRow| {
+            (row.octave, row.measured.sums.s, row.measured.fewest, row.measured.rays, row.moment.seconds)
+        };
+        rows.iter().map(facts).collect()
+    }
+
+    fn now(seconds: f64, rays: u64) -> (RowMoment, u64) {
+        (RowMoment { seconds, ..RowMoment::default() }, rays)
+    }
+
+    #[test]
+    fn an_octave_is_told_once_all_windows_have_it() {
+        let mut rows = WindowRows::new(2);
+        rows.add(0, vec![row(Some(3), 8, 2.0), row(Some(4), 16, 1.0)]);
+        assert!(rows.take(false, now(0.0, 0)).is_empty(), "one of two windows");
+        rows.add(1, vec![row(Some(3), 8, 3.0), row(Some(4), 16, 1.5)]);
+        let told = facts(&rows.take(false, now(5.0, 100)));
+        assert_eq!(told, [(Some(3), 5.0, 8, 14, 2.0), (Some(4), 2.5, 16, 14, 2.0)]);
+        rows.add(0, vec![row(Some(5), 32, 0.5)]);
+        rows.add(1, vec![row(Some(5), 32, 0.25)]);
+        let told = facts(&rows.take(true, now(9.0, 200)));
+        assert_eq!(told, [(Some(5), 0.75, 32, 114, 7.0)], "the next round goes on with clock and counters");
+        assert_eq!(rows.last_sums().map(|sums| (sums.s, sums.pixels)), Some((0.75, 20.0)));
+    }
+
+    #[test]
+    fn windows_that_end_at_other_samples_are_told_for_the_fewest() {
+        let mut rows = WindowRows::new(2);
+        rows.add(0, vec![row(Some(3), 8, 2.0), row(Some(4), 16, 1.0), row(None, 20, 0.8)]);
+        rows.add(1, vec![row(Some(3), 8, 3.0), row(None, 9, 2.75)]);
+        let told = facts(&rows.take(true, now(0.0, 0)));
+        assert_eq!(told, [(Some(3), 5.0, 8, 14, 2.0), (None, 3.55, 9, 14, 2.0)]);
+        assert!(rows.take(true, now(0.0, 0)).len() == 1, "the end is what it was");
+    }
+
+    #[test]
+    fn an_end_at_an_octave_of_all_windows_is_told_once() {
+        let mut rows = WindowRows::new(1);
+        rows.add(0, vec![row(Some(3), 8, 2.0)]);
+        assert_eq!(rows.take(false, now(0.0, 0)).len(), 1, "the round");
+        assert!(rows.take(true, now(0.0, 0)).is_empty(), "no window has got more");
+    }
+}

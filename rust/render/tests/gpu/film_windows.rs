@@ -254,3 +254,19 @@ fn images_that_exceed_the_budget_of_host_memory_are_told() {
     let told = messages.iter().filter(|message| message.text.contains("images of the picture take 5 MiB")).count();
     assert_eq!(told, 1, "{messages:#?}");
 }
+
+#[test]
+fn what_each_window_warns_of_is_told_once() {
+    let told = |windows: Option<u32>| {
+        let faults = PlantedFaults { film_window: windows, ..PlantedFaults::default() };
+        let options = SessionOptions { validation: true, faults, ..SessionOptions::default() };
+        // Nothing gives the files that lights name.
+        let session = Session::with_options(by(TraversalKind::Auto, 1), options);
+        session.with_scene(features);
+        let told = render_with_messages(&session, &color_request(view(SIZE).camera));
+        (told, session.stats().film_windows)
+    };
+    let ((whole, none), (parts, windows)) = (told(None), told(Some(PIXELS)));
+    assert!(!whole.is_empty() && none == 0 && windows > 1, "{whole:#?}");
+    assert_eq!(whole, parts);
+}

@@ -3,7 +3,6 @@
 //! that nobody sees, which is added to that of the picture.
 
 use super::FrameProgress;
-use crate::error::RenderError;
 use crate::job::RenderJob;
 use crate::job::aov::AovKind;
 use crate::job::publish::PublishedImages;
@@ -51,9 +50,10 @@ impl WindowShare<'_> {
 }
 
 impl<'a> FrameProgress<'a> {
-    /// Begins the windows of a picture: nothing is counted yet.
-    pub(crate) fn begin_windows(&mut self) {
+    /// Begins a picture of so many windows: nothing is counted yet.
+    pub(crate) fn begin_windows(&mut self, windows: usize) {
         let mut stats = lock(&self.shared.stats);
+        stats.film_windows = u32::try_from(windows).unwrap_or(u32::MAX);
         (stats.rays_traced, stats.nonfinite_samples, stats.adaptive, stats.error) = (0, 0, None, None);
         drop(stats);
         let timings = &mut self.timings;
@@ -155,9 +155,7 @@ impl<'a> FrameProgress<'a> {
         let rays = stats.rays_traced;
         drop(stats);
         let fed = rows.take(is_last, (base, rays));
-        let last = fed.len();
-        for (number, MeasuredRow { octave, measured, moment }) in (1..).zip(fed) {
-            let moment = RowMoment { has_picture: is_last && number == last, ..moment };
+        for MeasuredRow { octave, measured, moment } in fed {
             self.log.row(self.shared, measured, octave, moment);
         }
         if is_last {
@@ -189,11 +187,5 @@ impl<'a> FrameProgress<'a> {
                 }
             }
         });
-    }
-
-    /// Ends a picture that was rendered in so many windows.
-    pub(crate) fn finish_windows(&mut self, windows: usize) -> Result<(), RenderError> {
-        lock(&self.shared.stats).film_windows = u32::try_from(windows).unwrap_or(u32::MAX);
-        self.finish()
     }
 }
