@@ -215,8 +215,8 @@ void HdOocPTWarnOfPurposes(const HdOocPTPurposes& purposes, HdOocPTWarnings* war
     if (!space.IsEmpty() && space != tokens.lin_rec709 && space != tokens.lin_rec709_scene) {
         warnings->Add(purposes.settings,
             "its renderingColorSpace " + space.GetString()
-                + " is that of files of render products; light is transported in linear Rec. 709, which images of the"
-                  " host are in");
+                + " counts for files of render products alone; light is transported in linear Rec. 709, which images of"
+                  " the host are in");
     }
 }
 
