@@ -3,14 +3,15 @@
 //! error of pictures that are rendered at once.
 
 use crate::lights::TestFiles;
-use crate::scenes::{features, nested};
+use crate::scenes::{dome, features, nested};
 use crate::support::{
     color_request, filtering, perspective, read, read_all, render, render_with_messages, request, settings,
 };
 use glam::DVec3;
-use oocpt_core::scene::SceneDb;
+use oocpt_core::scene::{DomeFormat, SceneDb};
 use oocpt_core::settings::{Settings, TraversalKind};
 use oocpt_core::stats::{ErrorRow, RenderStats};
+use oocpt_core::{LightDesc, LightKind};
 use oocpt_render::{
     AovKind, PixelWindow, PlantedFaults, RenderRequest, Session, SessionOptions, Severity, error_report::ErrorReport,
     picture,
@@ -260,13 +261,34 @@ fn what_each_window_warns_of_is_told_once() {
     let told = |windows: Option<u32>| {
         let faults = PlantedFaults { film_window: windows, ..PlantedFaults::default() };
         let options = SessionOptions { validation: true, faults, ..SessionOptions::default() };
-        // Nothing gives the files that lights name.
         let session = Session::with_options(by(TraversalKind::Auto, 1), options);
-        session.with_scene(features);
+        session.set_light_files(Arc::new(TestFiles));
+        session.with_scene(nested);
+        let texture = Some(TestFiles::asset("nothing"));
+        let kind = LightKind::Dome { texture, format: DomeFormat::Automatic };
+        session.with_scene(|db| db.upsert_light(LightDesc { kind, ..dome([1.0; 3]) }));
         let told = render_with_messages(&session, &color_request(view(SIZE).camera));
         (told, session.stats().film_windows)
     };
     let ((whole, none), (parts, windows)) = (told(None), told(Some(PIXELS)));
     assert!(!whole.is_empty() && none == 0 && windows > 1, "{whole:#?}");
     assert_eq!(whole, parts);
+}
+
+#[test]
+fn a_film_that_leaves_too_little_for_the_rest_becomes_a_picture_all_the_same() {
+    const MIB: u64 = 1 << 20;
+    let request = view([110, 78]);
+    let with = |mib: u32| {
+        let session = session(nested, Settings { memory_budget_mib: mib, ..by(TraversalKind::Auto, 2) }, None, false);
+        render(&session, &request);
+        session
+    };
+    let (large, small) = (with(1024), with(8));
+    let [one, many] = [&large, &small].map(Session::stats);
+    assert!(film_bytes(&one) < 4 * MIB, "it is less than half of the budget: {}", film_bytes(&one));
+    assert!(many.film_windows > 4 && many.gpu_peak_bytes <= 8 * MIB, "{} windows", many.film_windows);
+    expect_same(&request, [&large, &small], "the last attempt");
+    expect_same_error(&row(&one), &row(&many), "the last attempt");
+    assert!(many.rays_traced < 2 * one.rays_traced, "attempts that failed are not counted");
 }
