@@ -297,8 +297,8 @@ def test_colours_are_written_in_the_rendering_space(record):
         assert "renderingColorSpace" not in said and "chromaticities" not in header
         color = np.stack([plain[name] for name in "RGB"], axis=-1)
         assert np.ptp(color, axis=-1).max() > 0.05, "there is colour"
-        matrix = np.array([[Gf.ColorSpace("lin_ap1_scene").Convert(
-            Gf.ColorSpace("lin_rec709_scene"), Gf.Vec3f(*unit)).GetRGB()[row] for unit in np.eye(3)] for row in range(3)])
+        mine, other = Gf.ColorSpace("lin_rec709_scene"), Gf.ColorSpace("lin_ap1_scene")
+        matrix = np.array([other.Convert(mine, Gf.Vec3f(*unit)).GetRGB() for unit in np.eye(3)]).T
         said, (aces, header) = render("acescg")
         assert "files of render products" in said and "did you mean" not in said
         assert np.allclose(header["chromaticities"], (0.713, 0.293, 0.165, 0.83, 0.128, 0.044, 0.32168, 0.33767))

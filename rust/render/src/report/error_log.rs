@@ -22,7 +22,8 @@ use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::path::Path;
 
-/// Octave of the fewest samples after which the error may count as small enough: with fewer, its estimate is too uncertain.
+/// Octave of the fewest samples after which the error may count as small enough: with fewer, its estimate is too
+/// uncertain.
 const MIN_SAMPLES_TO_STOP: u32 = 4;
 /// These samples.
 pub(crate) const FIRST_TO_STOP: u32 = 1 << MIN_SAMPLES_TO_STOP;
