@@ -32,18 +32,19 @@ use std::sync::Arc;
 /// How much of the device's memory budget films may take.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum FilmShare {
-    /// A film of more than half of it is rendered in windows of a quarter: the paths and the scene need the rest.
+    /// A film of more than three quarters of it is rendered in windows of a quarter: what it leaves is too little for
+    /// the paths and the scene.
     Usual,
     /// A sixteenth: all else was tried.
     Least,
 }
 
 impl FilmShare {
-    /// Parts of the budget: one in so many is too much for a film, one in so many is what windows take.
-    const fn parts(self) -> (u64, u64) {
+    /// Bytes of a budget that a film may take as a whole, and in windows.
+    const fn of(self, budget: u64) -> (u64, u64) {
         match self {
-            Self::Usual => (2, 4),
-            Self::Least => (16, 16),
+            Self::Usual => (budget - budget / 4, budget / 4),
+            Self::Least => (budget / 16, budget / 16),
         }
     }
 }
@@ -85,11 +86,11 @@ pub(super) fn windows(job: &RenderJob, budget: u64, share: FilmShare) -> Vec<Fil
         return FilmWindow::cut(part, pixels.into());
     }
     let bytes = film::bytes_a_pixel(job);
-    let (too_much, window) = share.parts();
-    if bytes.saturating_mul(part.pixels()) <= budget / too_much {
+    let (most, window) = share.of(budget);
+    if bytes.saturating_mul(part.pixels()) <= most {
         return whole();
     }
-    FilmWindow::cut(part, budget / window / bytes.max(1))
+    FilmWindow::cut(part, window / bytes.max(1))
 }
 
 /// Whether the picture of `job` is rendered in smaller windows with [`FilmShare::Least`].
