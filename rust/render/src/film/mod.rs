@@ -60,8 +60,9 @@ fn everywhere(pixels: u64) -> [u32; 2] {
     [0, u32::try_from(pixels).unwrap_or(u32::MAX)]
 }
 
-/// Bytes of device memory that a film with the images of `job` takes for each pixel.
-pub(crate) fn bytes_a_pixel(job: &RenderJob) -> u64 {
+/// Bytes of device memory that a film with the images of `job` takes for each pixel: of the sums of its samples, and of
+/// all else.
+pub(crate) fn bytes_a_pixel(job: &RenderJob) -> [u64; 2] {
     let (kinds, FilmSums { adaptive, filtered, .. }) = (job.request.kinds(), FilmSums::of(job, false));
     let has_light = kinds.iter().any(|kind| kind.is_of_light());
     let planes = filtered::filtered(if filtered { &kinds } else { &[] });
@@ -69,12 +70,12 @@ pub(crate) fn bytes_a_pixel(job: &RenderJob) -> u64 {
     let images = kinds.iter().filter(|kind| **kind != AovKind::Color).map(|kind| kind.pixel_bytes() as u64);
     let images = images.sum::<u64>();
     if !has_light && planes.is_empty() {
-        return images;
+        return [0, images];
     }
     let records = film_bytes(1, adaptive);
     let sums = filtered::sums_bytes(&planes, records / size_of::<FilmPixel>() as u64);
     let lists = if adaptive { AdaptiveBuffers::BYTES } else { 0 };
-    records + sums + lists + images + AovKind::Color.pixel_bytes() as u64
+    [records + sums, lists + images + AovKind::Color.pixel_bytes() as u64]
 }
 
 /// Film, resolved colour and the planes of the other images.

@@ -85,7 +85,7 @@ pub(super) fn windows(job: &RenderJob, budget: u64, share: FilmShare) -> Vec<Fil
     if let Some(pixels) = job.options.faults.film_window {
         return FilmWindow::cut(part, pixels.into());
     }
-    let bytes = film::bytes_a_pixel(job);
+    let bytes = film::bytes_a_pixel(job).iter().sum::<u64>();
     let (most, window) = share.of(budget);
     if bytes.saturating_mul(part.pixels()) <= most {
         return whole();
@@ -137,7 +137,7 @@ fn host_bytes(job: &RenderJob, rounds: usize, shared: &SharedState) -> u64 {
     let Some(budget) = host_memory::budget(&job.settings) else { return 0 };
     let kinds = job.request.kinds();
     let images = job.request.image_pixels() * kinds.iter().map(|kind| kind.pixel_bytes() as u64).sum::<u64>();
-    let films = if rounds > 1 { film::bytes_a_pixel(job) * job.request.pixels() } else { 0 };
+    let films = if rounds > 1 { film::bytes_a_pixel(job)[0] * job.request.pixels() } else { 0 };
     let bytes = images + films;
     if bytes.saturating_add(job.fixed_host_bytes) > budget {
         let [budget, images, films] = [budget, images, films].map(|bytes| bytes.div_ceil(1 << 20));
