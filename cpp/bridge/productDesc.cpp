@@ -112,6 +112,7 @@ rust::Vec<oocpt::ProductDesc> HdOocPTDescribeProducts(
                 _Text(var.sourceType.GetString()), _DescribeSettings(var.settings) });
         }
         desc.settings = _DescribeSettings(product.settings);
+        desc.color_space = _Text(product.colorSpace.GetString());
         desc.pixel_aspect = static_cast<float>(view->pixelAspectRatio);
         desc.display_size
             = { static_cast<uint32_t>(product.resolution[0]), static_cast<uint32_t>(product.resolution[1]) };

@@ -160,6 +160,7 @@ std::vector<HdOocPTProduct> HdOocPTReadProducts(const HdSceneIndexBase& scene, c
         }
         for (const HdContainerDataSourceHandle& product : _Elements(settings, HdOocPTSceneTokens->renderProducts)) {
             products.push_back(_ReadProduct(product));
+            HdOocPTConvert(_Read(settings, HdOocPTSceneTokens->renderingColorSpace), &products.back().colorSpace);
         }
     }
     return products;

@@ -41,6 +41,8 @@ struct HdOocPTProduct
     /// 0 to 1 over the picture, y up.
     GfRange2d dataWindow { GfVec2d(0.0), GfVec2d(1.0) };
     bool isLensDisabled = false;
+    /// The linear space in which colours are written; empty: the renderer's.
+    TfToken colorSpace;
     std::vector<HdOocPTProductVar> vars;
     HdOocPTSettingMap settings;
 };

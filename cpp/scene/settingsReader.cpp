@@ -214,7 +214,9 @@ void HdOocPTWarnOfPurposes(const HdOocPTPurposes& purposes, HdOocPTWarnings* war
     const TfToken& space = purposes.colorSpace;
     if (!space.IsEmpty() && space != tokens.lin_rec709 && space != tokens.lin_rec709_scene) {
         warnings->Add(purposes.settings,
-            "its renderingColorSpace " + space.GetString() + " is not supported; rendering is in linear Rec. 709");
+            "its renderingColorSpace " + space.GetString()
+                + " counts for files of render products alone; light is transported in linear Rec. 709, which images of"
+                  " the host are in");
     }
 }
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Estimates the film's own error: at most ERROR_GROUPS workgroups, each sums the pixels of its threads, which are
-// interleaved. The sums are taken in one order: same film, same bits. Reads: film. Writes: ErrorSums of each workgroup,
-// behind the film's pixels.
+// interleaved. The sums are taken in one order: same film, same bits. Of the film path_count pixels count, from
+// first_pixel on. Reads: film. Writes: ErrorSums of each workgroup, behind the film's pixels.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "wavefront/pixel_error.glsl"
@@ -19,7 +19,8 @@ void main() {
     const uint pixels = FRAME.width * FRAME.height;
     const uint stride = gl_NumWorkGroups.x * WORKGROUP_SIZE;
     ErrorSums mine = ErrorSums(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0u, 0u, 0xffffffffu, 0u, 0u);
-    for (uint pixel = gl_GlobalInvocationID.x; pixel < pixels; pixel += stride) {
+    const uint end = push.first_pixel + push.path_count;
+    for (uint pixel = push.first_pixel + gl_GlobalInvocationID.x; pixel < end; pixel += stride) {
         uint samples = ConstFilm(FRAME.film).v[pixel].samples;
         PixelError e = PixelError(0.0, 0.0, 0.0);
         const bool tells = fewest_of(pixel) >= 2u;

@@ -7,6 +7,7 @@ import subprocess
 import numpy as np
 import OpenEXR
 import pytest
+from pxr import Gf
 
 import compare
 import exr
@@ -293,6 +294,39 @@ colorspaces:
     name: shown
     from_scene_reference: !<ExponentTransform> {value: [2, 2, 2, 1]}
 """
+
+
+def test_colours_are_written_in_the_rendering_space(record):
+    """Colour and albedo are those of linear Rec. 709 in the space that the settings name; other layers stay."""
+    names = ("beauty", "albedo", "N")
+    VARS["albedo"] = var("albedo", "albedo", "color3f")
+
+    def render(space):
+        settings = f'uniform token renderingColorSpace = "{space}"' if space else ""
+        done, folder = record(stage({"all": product("all", "all.exr", names)}, settings), "--products")
+        return done.stderr, channels(folder / "all.exr")
+
+    try:
+        said, (plain, header) = render("")
+        assert "renderingColorSpace" not in said and "chromaticities" not in header
+        color = np.stack([plain[name] for name in "RGB"], axis=-1)
+        assert np.ptp(color, axis=-1).max() > 0.05, "there is colour"
+        mine, other = Gf.ColorSpace("lin_rec709_scene"), Gf.ColorSpace("lin_ap1_scene")
+        matrix = np.array([other.Convert(mine, Gf.Vec3f(*unit)).GetRGB() for unit in np.eye(3)]).T
+        said, (aces, header) = render("acescg")
+        assert "files of render products" in said and "did you mean" not in said
+        assert np.allclose(header["chromaticities"], (0.713, 0.293, 0.165, 0.83, 0.128, 0.044, 0.32168, 0.33767))
+        assert header["oocpt:renderingColorSpace"] == "lin_ap1_scene"
+        for layer in ("", "albedo."):
+            before, after = (np.stack([file[layer + name] for name in "RGB"], axis=-1) for file in (plain, aces))
+            assert np.allclose(after, before @ matrix.T, rtol=1e-5, atol=1e-6) and not np.allclose(after, before)
+        for name in ("A", "N.X", "N.Y", "N.Z"):
+            assert np.array_equal(aces[name], plain[name]), f"{name} is no colour"
+        said, (other, header) = render("lin_ap2")
+        assert "did you mean lin_ap1_scene?" in said and "chromaticities" not in header
+        assert all(np.array_equal(other[name], plain[name]) for name in plain), "as without one"
+    finally:
+        del VARS["albedo"]
 
 
 def test_pictures_for_eyes_take_an_opencolorio_config(record, tmp_path):

@@ -26,7 +26,7 @@ KEYS = [
     "oocpt:pipelines", "oocpt:buffers",
     "oocpt:buffersLeftOut", "oocpt:bufferBytes", "oocpt:bytesLeftOut", "oocpt:primvars", "oocpt:primvarsLeftOut",
     "oocpt:maxLevels", "oocpt:stackSize", "oocpt:traversalBackend", "oocpt:traversalReason",
-    "oocpt:samplesKept", "oocpt:commits", "oocpt:commitsInHostThread", "oocpt:commitPending",
+    "oocpt:samplesKept", "oocpt:filmWindows", "oocpt:commits", "oocpt:commitsInHostThread", "oocpt:commitPending",
     "oocpt:secondsTracing", "oocpt:secondsLoading", "oocpt:secondsWaiting", "oocpt:secondsOverlapped",
 ]  # fmt: skip
 LISTED = [

@@ -432,6 +432,7 @@ mod ffi {
         name: String,
         vars: Vec<ProductVarDesc>,
         settings: Vec<NamedValue>,
+        color_space: String,
         pixel_aspect: f32,
         display_size: [u32; 2],
         data_corner: [i32; 2],

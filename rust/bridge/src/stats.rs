@@ -21,6 +21,7 @@ pub(crate) fn named_values(stats: &RenderStats) -> Vec<NamedValue> {
         real("totalClockTime", stats.seconds_total),
         integer("numCompletedSamples", u64::from(stats.samples_completed)),
         integer("oocpt:samplesKept", u64::from(stats.samples_kept)),
+        integer("oocpt:filmWindows", u64::from(stats.film_windows)),
         text("renderProgressAnnotation", &stats.annotation),
         text("rendererStage", stage(stats)),
         integer("gpuMemoryUsed", stats.gpu_bytes),

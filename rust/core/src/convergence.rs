@@ -117,6 +117,14 @@ fn derivative(slope: f64, of: impl Fn(f64) -> f64) -> f64 {
 }
 
 impl PictureErrorSums {
+    /// Adds the sums over other pixels of the same picture.
+    pub fn add(&mut self, other: &Self) {
+        let Self { pixels, s, d, ss, sd, dd, doubt } = other;
+        let terms = [(&mut self.pixels, pixels), (&mut self.s, s), (&mut self.d, d), (&mut self.ss, ss)];
+        let more = [(&mut self.sd, sd), (&mut self.dd, dd), (&mut self.doubt, doubt)];
+        terms.into_iter().chain(more).for_each(|(sum, term)| *sum += term);
+    }
+
     /// The square of the relative scatter of `d` around `ratio * s`.
     fn scatter(&self, ratio: f64) -> f64 {
         let around = ratio.mul_add(ratio * self.ss, (-2.0 * ratio).mul_add(self.sd, self.dd));

@@ -15,6 +15,7 @@ mod camera_motion;
 mod clipping;
 pub mod convergence;
 pub mod desc;
+pub mod file_space;
 mod instancing;
 pub mod inventory;
 pub mod material;

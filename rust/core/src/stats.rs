@@ -41,6 +41,10 @@ pub struct RenderStats {
     pub nonfinite_samples: u64,
     /// Scene data dropped because it was bad.
     pub dropped: DroppedData,
+    /// Windows in which the picture is rendered one after the other, since its film would take too much of the device's
+    /// memory; 0 if it is rendered as a whole.
+    #[serde(default)]
+    pub film_windows: u32,
     /// Status line for the user.
     pub annotation: String,
     /// Parts of the pipeline that this scene does not need and that were left out.
@@ -337,4 +341,48 @@ pub struct StreamingStats {
     pub texture_reloads: u64,
     /// Part of `bytes_paged` that is tiles of textures.
     pub texture_bytes_paged: u64,
+}
+
+impl StreamingStats {
+    /// Goes on with another window of the same picture: totals add up, the rest is as it is in the end.
+    pub fn go_on(&mut self, next: &Self) {
+        let before = std::mem::replace(self, next.clone());
+        self.in_core &= before.in_core;
+        self.is_split |= before.is_split;
+        for (sum, earlier) in [
+            (&mut self.trees_built, before.trees_built),
+            (&mut self.trees_refitted, before.trees_refitted),
+            (&mut self.loads, before.loads),
+            (&mut self.reloads, before.reloads),
+            (&mut self.evictions, before.evictions),
+            (&mut self.failed_loads, before.failed_loads),
+            (&mut self.bytes_paged, before.bytes_paged),
+            (&mut self.reloaded_bytes, before.reloaded_bytes),
+            (&mut self.roulette_paths, before.roulette_paths),
+            (&mut self.roulette_shadow_rays, before.roulette_shadow_rays),
+            (&mut self.roulette_loads_saved, before.roulette_loads_saved),
+            (&mut self.texture_loads, before.texture_loads),
+            (&mut self.texture_reloads, before.texture_reloads),
+            (&mut self.texture_bytes_paged, before.texture_bytes_paged),
+        ] {
+            *sum += earlier;
+        }
+        for (sum, earlier) in [
+            (&mut self.seconds_tracing, before.seconds_tracing),
+            (&mut self.seconds_loading, before.seconds_loading),
+            (&mut self.seconds_waiting, before.seconds_waiting),
+            (&mut self.seconds_overlapped, before.seconds_overlapped),
+        ] {
+            *sum += earlier;
+        }
+        for (most, earlier) in [
+            (&mut self.chunks_touched, before.chunks_touched),
+            (&mut self.geometry_peak_bytes, before.geometry_peak_bytes),
+            (&mut self.driver_peak_bytes, before.driver_peak_bytes),
+        ] {
+            *most = earlier.max(*most);
+        }
+        self.compiled_ahead = before.compiled_ahead.max(self.compiled_ahead);
+        self.recompilations += before.recompilations;
+    }
 }

@@ -6,6 +6,7 @@
 //! evicted or moved to disk ([`HostMemoryUser`]). On Linux the figures come from `/proc/meminfo`, the limits of control
 //! groups and `/proc/self/status`; elsewhere free memory is a guess and used memory is 0.
 
+use oocpt_abi::{ExactPixel, FilmPixel};
 use oocpt_core::partition::ITEM_BYTES;
 use oocpt_core::scene::LentBytes;
 use oocpt_core::settings::Settings;
@@ -87,6 +88,23 @@ pub(crate) fn of_commit(settings: &Settings, fixed: u64, has_rendered: bool) -> 
     let (of_meshes, _) = HostMemoryUser::Meshes.eighths();
     let building = if has_rendered { left / 8 * of_meshes } else { left };
     OfCommit { building, sorting: ITEM_BYTES.min(left / SORTING_SHARE) }
+}
+
+/// Bytes of host memory that samples of so many pixels take on their way to files: with `oocpt:filmPart` exact sums for
+/// each octave, of which those from the first sample on are one, and those that are added; with `oocpt:checkpoint` the
+/// records of the film. 0 without a budget.
+pub(crate) fn film_files(settings: &Settings, pixels: u64) -> u64 {
+    if budget(settings).is_none() || settings.interactive {
+        return 0;
+    }
+    let octave = |sample: u32| sample.checked_ilog2().map_or(0, |octave| octave + 1);
+    let planes = match (settings.span.begin, settings.samples_per_pixel) {
+        _ if settings.film_part.is_empty() => 0,
+        (0, _) => 2,
+        (first, end) => octave(end.saturating_sub(1)).saturating_sub(octave(first)) + 2,
+    };
+    let records = if settings.checkpoint.is_empty() { 0 } else { size_of::<FilmPixel>() as u64 };
+    pixels.saturating_mul(u64::from(planes) * size_of::<ExactPixel>() as u64 + records)
 }
 
 /// The part of a budget that is left beside fixed bytes and images.
@@ -206,6 +224,22 @@ mod tests {
         let old = "sys/fs/cgroup/memory/memory.";
         let (limit, used) = (format!("{old}limit_in_bytes"), format!("{old}usage_in_bytes"));
         assert_eq!(free_of(&[MEMINFO, (&limit, "3000"), (&used, "1")]), Some(2999));
+    }
+
+    #[test]
+    fn samples_on_their_way_to_files_are_counted() {
+        let of = |span: [u32; 2], part: &str, checkpoint: &str| {
+            let plain = Settings { host_memory_budget_mib: 64, interactive: false, ..Settings::default() };
+            let mut settings = Settings { film_part: part.into(), checkpoint: checkpoint.into(), ..plain };
+            (settings.span.begin, settings.samples_per_pixel) = (span[0], span[1]);
+            film_files(&settings, 1000)
+        };
+        assert_eq!(of([0, 64], "", ""), 0, "no file");
+        assert_eq!(of([0, 64], "", "a.film"), 80_000, "the records");
+        assert_eq!(of([0, 64], "a.film", ""), 320_000, "what is there, and an octave that is added");
+        assert_eq!(of([64, 128], "a.film", ""), 320_000, "one octave");
+        assert_eq!(of([60, 200], "a.film", ""), 640_000, "32 to 63, 64 to 127, 128 to 255");
+        assert_eq!(film_files(&Settings { film_part: "a.film".into(), ..Settings::default() }, 1000), 0, "no budget");
     }
 
     #[test]

@@ -14,6 +14,7 @@ pub(crate) fn render_product(desc: ProductDesc) -> RenderProduct {
         name: desc.name,
         vars: desc.vars.into_iter().map(var).collect(),
         settings: texts(desc.settings),
+        color_space: desc.color_space,
         pixel_aspect: desc.pixel_aspect,
         display_size: desc.display_size,
         data_corner: desc.data_corner,

@@ -2,6 +2,7 @@
 //! Names of what a sample can meet, for files that identify it by name (Cryptomatte): placements of prims, the
 //! outermost instance that they are in, materials. Names are paths, which stay the same from frame to frame; a
 //! placement in instancers has the index in each behind it, the outermost first: `/forest/tree/leaf[12][3]`. Pure.
+
 use super::{InstanceTarget, SceneDb, Snapshot};
 use rustc_hash::FxHashMap;
 use std::fmt::Write as _;

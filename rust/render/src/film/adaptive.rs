@@ -30,7 +30,10 @@ pub(crate) struct AdaptiveBuffers {
 }
 
 impl AdaptiveBuffers {
-    /// Memory for an image of so many pixels: 80 bytes each.
+    /// Bytes of device memory for each pixel.
+    pub(crate) const BYTES: u64 = STREAMS as u64 * (8 + 4 * ESTIMATE_RING as u64);
+
+    /// Memory for an image of so many pixels, [`Self::BYTES`] each.
     pub(crate) fn new(gpu: &Arc<Gpu>, pixels: u64) -> Result<Self, GpuError> {
         let streams = pixels * STREAMS as u64;
         Ok(Self {

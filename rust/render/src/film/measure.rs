@@ -30,13 +30,28 @@ pub(crate) struct MeasuredError {
     pub(crate) rays: u64,
 }
 
-/// Reads a slot, once its commands are done; `None` if the film has no colour. Of `layout` only the window counts.
+impl MeasuredError {
+    /// Adds what was measured of other pixels of the same picture.
+    pub(crate) fn add(&mut self, other: &Self) {
+        let none = self.sums.pixels <= 0.0;
+        self.sums.add(&other.sums);
+        self.worst.extend_from_slice(&other.worst);
+        self.worst.sort_by(|a, b| b.error.total_cmp(&a.error).then((a.y, a.x).cmp(&(b.y, b.x))));
+        self.worst.truncate(WORST);
+        self.fewest = if none { other.fewest } else { self.fewest.min(other.fewest) };
+        self.most = self.most.max(other.most);
+        self.rays += other.rays;
+    }
+}
+
+/// Reads a slot, once its commands are done; `None` if the film has no colour. Of `layout` only what is inside counts.
 pub(crate) fn read(film: &Film, slot: u32, layout: &PictureLayout) -> Result<Option<MeasuredError>, GpuError> {
     let Some((parts, counters)) = film.error(slot)? else { return Ok(None) };
-    let PixelWindow { x, y, width, height } = layout.window;
+    let PixelWindow { x, y, width, .. } = layout.window;
+    let [columns, rows] = layout.inside.size();
     let sum = |of: fn(&ErrorSums) -> f32| parts.iter().map(|part| f64::from(of(part))).sum();
     let sums = convergence::PictureErrorSums {
-        pixels: f64::from(width) * f64::from(height),
+        pixels: f64::from(columns) * f64::from(rows),
         s: sum(|p| p.s),
         d: sum(|p| p.d),
         ss: sum(|p| p.ss),

@@ -19,7 +19,7 @@ use crate::job::RenderJob;
 use crate::job::aov::{AovKind, AovRequest};
 use crate::job::publish::{PictureExtent, PublishedImages};
 use crate::job::request::RenderRequest;
-use crate::job::window::PictureLayout;
+use crate::job::window::{FilmWindow, PictureLayout};
 use crate::sync::lock;
 use crate::wave::{ERROR_SLOTS, LAST_SLOT, Wave, WavePiece, pieces};
 use oocpt_abi::{
@@ -56,6 +56,31 @@ impl FilmSums {
     }
 }
 
+/// All pixels: the first, and their number.
+fn everywhere(pixels: u64) -> [u32; 2] {
+    // The request was validated: at most 2^28 pixels.
+    [0, u32::try_from(pixels).unwrap_or(u32::MAX)]
+}
+
+/// Bytes of device memory that a film with the images of `job` takes for each pixel: of the sums of its samples, and of
+/// all else.
+pub(crate) fn bytes_a_pixel(job: &RenderJob) -> [u64; 2] {
+    let (kinds, FilmSums { adaptive, filtered, .. }) = (job.request.kinds(), FilmSums::of(job, false));
+    let has_light = kinds.iter().any(|kind| kind.is_of_light());
+    let planes = filtered::filtered(&kinds, filtered);
+    let adaptive = adaptive && has_light;
+    let is_plane = |kind: &&AovKind| !matches!(kind, AovKind::Color | AovKind::Denoised);
+    let images = kinds.iter().filter(is_plane).map(|kind| kind.pixel_bytes() as u64);
+    let images = images.sum::<u64>();
+    if !has_light && planes.is_empty() {
+        return [0, images];
+    }
+    let records = film_bytes(1, adaptive);
+    let sums = filtered::sums_bytes(&planes, records / size_of::<FilmPixel>() as u64);
+    let lists = if adaptive { AdaptiveBuffers::BYTES } else { 0 };
+    [records + sums, lists + images + AovKind::Color.pixel_bytes() as u64]
+}
+
 /// Film, resolved colour and the planes of the other images.
 #[derive(Debug)]
 pub(crate) struct Film {
@@ -73,6 +98,8 @@ pub(crate) struct Film {
     planes: Vec<(AovKind, Buffer)>,
     /// Those of `planes` that are filtered with the samples.
     filtered: Option<FilteredPlanes>,
+    /// The pixels whose error is measured: the first, and their number.
+    measured: [u32; 2],
     /// The bits of told relMSE over the mean of `s` of the pixels ([`ErrorSums`]), as known last.
     error_scale: AtomicU32,
     /// One copy of every wanted image, then the counters.
@@ -125,17 +152,29 @@ impl Film {
         let color = has_color.then(|| plane(gpu, AovKind::Color, pixels)).transpose()?;
         let (planes, readback) = images(gpu, &kinds, pixels)?;
         let error_scale = AtomicU32::new(1.0_f32.to_bits());
-        Ok(Self { pixels, kinds, film, errors, color, exact, adaptive, planes, filtered, error_scale, readback })
+        Ok(Self {
+            pixels,
+            kinds,
+            film,
+            errors,
+            color,
+            exact,
+            adaptive,
+            planes,
+            filtered,
+            measured: everywhere(pixels),
+            error_scale,
+            readback,
+        })
     }
 
     /// The same film with the images of another request, which has its samples ([`RenderRequest::has_samples_of`]).
     pub(crate) fn with_images_of(self, gpu: &Arc<Gpu>, request: &RenderRequest) -> Result<Self, GpuError> {
-        let Self { pixels, kinds, film, errors, color, exact, adaptive, planes, filtered, error_scale, readback } =
-            self;
-        drop((kinds, planes, readback));
+        let Self { kinds: had, planes: old, readback: read, .. } = self;
+        drop((had, old, read));
         let kinds = request.kinds();
-        let (planes, readback) = images(gpu, &kinds, pixels)?;
-        Ok(Self { pixels, kinds, film, errors, color, exact, adaptive, planes, filtered, error_scale, readback })
+        let (planes, readback) = images(gpu, &kinds, self.pixels)?;
+        Ok(Self { kinds, planes, readback, ..self })
     }
 
     /// Whether these images serve `request` too, wherever its window is.
@@ -147,14 +186,20 @@ impl Film {
             && self.filtered.is_some() == filters
     }
 
-    /// Decides the first samples of a render of `job`, if it is adaptive.
+    /// Learns what of the film is measured, and decides the first samples of a render of `job`, if it is adaptive.
     pub(crate) fn begin(&mut self, job: &RenderJob) -> Result<(), RenderError> {
+        self.measured = job.film_window.map_or_else(|| everywhere(self.pixels), FilmWindow::measured);
         let samples = job.settings.samples_per_pixel;
         #[cfg(feature = "faults")]
         if let Some(adaptive) = &mut self.adaptive {
             adaptive.is_naive = job.options.faults.naive_sampling;
         }
         self.adaptive.as_mut().map_or(Ok(()), |adaptive| adaptive.begin(job.request.part().size(), samples))
+    }
+
+    /// The first pixel whose error is measured, and their number.
+    pub(crate) fn measured(&self) -> [u32; 2] {
+        self.measured
     }
 
     /// What decides where samples go, if they do not go everywhere alike.

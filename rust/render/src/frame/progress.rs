@@ -4,6 +4,7 @@
 mod denoising;
 mod errors;
 mod files;
+mod windows;
 
 use crate::assets::SceneAssets;
 use crate::device::Device;
@@ -33,6 +34,7 @@ use oocpt_core::stats::{RenderStats, RenderUsage, StreamingStats};
 use oocpt_gpu::Gpu;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
+use windows::WindowShare;
 
 /// Interval between published images: with the wave that ends in it less than a tenth of a second.
 const INTERVAL: Duration = Duration::from_millis(60);
@@ -83,6 +85,10 @@ pub(crate) struct FrameProgress<'a> {
     lacks_planes: bool,
     /// `WavefrontCounters::nonfinite_pixel`.
     nonfinite_pixel: u32,
+    /// Samples that are not finite of those that the film had.
+    kept_nonfinite: u32,
+    /// What is rendered is a window of the picture, with so much of its work.
+    window: Option<WindowShare<'a>>,
     pub(crate) timings: RenderTimings,
 }
 
@@ -132,8 +138,10 @@ impl<'a> FrameProgress<'a> {
             first_sample: 0,
             lacks_planes: false,
             nonfinite_pixel: 0,
+            kept_nonfinite: 0,
+            window: None,
             log: ErrorLog::start(shared, job),
-            layout: job.request.layout(),
+            layout: job.layout(),
             bar: job.options.progress_bar.then(ProgressBar::new),
             timings: RenderTimings::default(),
         }
@@ -157,7 +165,9 @@ impl<'a> FrameProgress<'a> {
 
     /// Goes on with samples that the film has, for images of `job`.
     pub(crate) fn go_on(&mut self, kept: KeptSamples, job: &RenderJob) {
-        self.lacks_planes |= kept.job.request.aovs != job.request.aovs;
+        // A film of windows has those of the window before.
+        self.lacks_planes |= kept.job.request.aovs != job.request.aovs || job.film_window.is_some();
+        self.kept_nonfinite = kept.nonfinite.0;
         self.done = kept.paths;
         (self.kept, self.knows_kept) = (Some(kept.paths), kept.is_told);
         (self.before.nonfinite, self.nonfinite_pixel) = kept.nonfinite;
@@ -377,6 +387,9 @@ impl<'a> FrameProgress<'a> {
         };
         drop(stats);
         *lock(&self.shared.reached) = (self.generation, samples);
+        if let Some(window) = &mut self.window {
+            window.wave_done(&state);
+        }
         if let Some(bar) = &mut self.bar {
             bar.draw(&state);
         }

@@ -90,6 +90,7 @@ impl RenderAsk {
             meshes_made,
             fixed_host_bytes,
             goes_on,
+            film_window: None,
             generation,
         })
     }

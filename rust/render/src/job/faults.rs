@@ -45,6 +45,8 @@ pub struct PlantedFaults {
     pub first_picture: Option<u32>,
     /// Nothing comes after it.
     pub first_picture_alone: bool,
+    /// Renders the film of a batch picture in windows of at most so many pixels, but of three rows at least.
+    pub film_window: Option<u32>,
     /// Milliseconds after which a wait for loads is told, in place of a minute; 0 = a minute.
     pub impatient_millis: u32,
 }

@@ -20,6 +20,7 @@ use crate::job::forced_features::ForcedFeatures;
 use crate::job::light_files::LightFiles;
 use crate::job::product::ProductFile;
 use crate::job::request::RenderRequest;
+use crate::job::window::{FilmWindow, PictureLayout};
 use crate::textures::ImageLibrary;
 use oocpt_core::inventory::PrimvarUse;
 use oocpt_core::scene::{PrimNames, Snapshot};
@@ -49,11 +50,18 @@ pub(crate) struct RenderJob {
     pub(crate) fixed_host_bytes: u64,
     /// It may go on with the samples of a picture that differs in their number alone, or in what ends it.
     pub(crate) goes_on: bool,
+    /// It is one of several windows of a picture, the one that the request names.
+    pub(crate) film_window: Option<FilmWindow>,
     /// The generation of `RenderControl` when the job was posted.
     pub(crate) generation: u64,
 }
 
 impl RenderJob {
+    /// Where the pixels of its film go in the images.
+    pub(crate) fn layout(&self) -> PictureLayout {
+        self.request.layout().of_window(self.film_window)
+    }
+
     /// Whether samples of `have` are samples of this job too, and may be used.
     pub(crate) fn has_samples_of(&self, have: &Self) -> bool {
         let same_images = match (&have.images, &self.images) {

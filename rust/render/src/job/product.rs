@@ -3,6 +3,7 @@
 
 use crate::job::aov::AovKind;
 use crate::job::request::RenderRequest;
+use oocpt_core::file_space::FileSpace;
 use std::path::PathBuf;
 
 /// A render product as the scene has it (`UsdRenderProduct`); nothing of it is checked.
@@ -18,6 +19,8 @@ pub struct RenderProduct {
     pub vars: Vec<ProductVar>,
     /// Its namespaced settings as text.
     pub settings: Vec<(String, String)>,
+    /// `renderingColorSpace` of the render settings: the linear space that colours are written in; empty for Rec. 709.
+    pub color_space: String,
     /// Width of a pixel over its height.
     pub pixel_aspect: f32,
     /// Columns and rows of the picture that is displayed (`resolution`).
@@ -108,6 +111,8 @@ pub(crate) struct ProductFile {
     pub(crate) path: PathBuf,
     pub(crate) channels: Vec<FileChannel>,
     pub(crate) compression: FileCompression,
+    /// The space of its colours, if that is not linear Rec. 709.
+    pub(crate) space: Option<&'static FileSpace>,
     pub(crate) pixel_aspect: f32,
     pub(crate) display_size: [u32; 2],
     pub(crate) data_corner: [i32; 2],

@@ -83,7 +83,9 @@ impl PublishedImages {
             return false;
         }
         if self.layout != *layout {
-            self.images.iter_mut().for_each(|image| image.is_cleared = false);
+            if !self.layout.is_clear_as(layout) {
+                self.images.iter_mut().for_each(|image| image.is_cleared = false);
+            }
             self.layout = layout.clone();
         }
         self.generation = generation;
@@ -105,6 +107,19 @@ impl PublishedImages {
         self.image(self.shown(kind))
     }
 
+    /// Takes the images of `generation` from where its windows were put together; it has this layout.
+    pub(crate) fn take_over(&mut self, from: &mut Self, generation: u64, layout: &PictureLayout) {
+        if generation < self.generation || from.images.is_empty() {
+            return;
+        }
+        self.images = std::mem::take(&mut from.images);
+        for image in &mut self.images {
+            self.version += 1;
+            image.version = self.version;
+        }
+        (self.generation, self.layout) = (generation, layout.clone());
+    }
+
     /// The job whose picture is there.
     pub(crate) fn generation(&self) -> u64 {
         self.generation
@@ -115,7 +130,7 @@ impl PublishedImages {
         self.generation == generation && !self.images.is_empty()
     }
 
-    /// Replaces the first so many pixels of the window in the image of `kind`, in the memory that it had: fresh pages
+    /// Replaces the first so many pixels of the film in the image of `kind`, in the memory that it had: fresh pages
     /// would take longer than the copy.
     pub(crate) fn put(&mut self, kind: AovKind, pixels: &[u8], there: u64) {
         let bytes = usize::try_from(there).unwrap_or(usize::MAX).saturating_mul(kind.pixel_bytes());
@@ -124,7 +139,7 @@ impl PublishedImages {
             if layout.is_whole() {
                 return copy_by_all(&mut image[..pixels.len()], pixels);
             }
-            let mut rest = pixels;
+            let mut rest = pixels.get(layout.hidden() * kind.pixel_bytes()..).unwrap_or_default();
             for row in layout.rows(kind) {
                 let (from, after) = rest.split_at(row.len().min(rest.len()));
                 image[row][..from.len()].copy_from_slice(from);
@@ -151,6 +166,13 @@ impl PublishedImages {
             image.is_cleared = true;
             change(&mut image.bytes, &self.layout);
         }
+    }
+
+    /// The window of the image of `kind`, which is one of floats.
+    pub(crate) fn window_of(&self, kind: AovKind) -> Option<Vec<f32>> {
+        let image = self.image(kind)?;
+        let rows = self.layout.rows(kind).map(|row| image.get(row).map(bytemuck::pod_collect_to_vec::<u8, f32>));
+        Some(rows.collect::<Option<Vec<_>>>()?.concat())
     }
 
     /// The image of `kind`.

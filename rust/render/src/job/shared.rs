@@ -99,6 +99,8 @@ impl SharedState {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct FrameGate<'a> {
     shared: &'a SharedState,
+    /// Where results go.
+    results: &'a SharedState,
     generation: u64,
     /// Until then a newer job does not close it, as long as no picture of this one is shown.
     until: Option<Instant>,
@@ -107,12 +109,20 @@ pub(crate) struct FrameGate<'a> {
 impl<'a> FrameGate<'a> {
     /// The gate of the job of `generation`.
     pub(crate) fn new(shared: &'a SharedState, generation: u64) -> Self {
-        Self { shared, generation, until: None }
+        Self { shared, results: shared, generation, until: None }
     }
 
     /// The same, but a newer job waits for the first picture of this one, for so long at most.
     pub(crate) fn for_first_picture(&self, patience: Duration) -> Self {
         Self { until: Instant::now().checked_add(patience), ..*self }
+    }
+
+    /// The same, but what the frame gives goes to `results`.
+    pub(crate) fn with_results<'b>(&self, results: &'b SharedState) -> FrameGate<'b>
+    where
+        'a: 'b,
+    {
+        FrameGate { results, ..*self }
     }
 
     /// Whether there is a newer job for which this one is given up: it publishes nothing any more.
@@ -161,6 +171,6 @@ impl<'a> FrameGate<'a> {
 
     /// The state to which results are written.
     pub(crate) fn shared(&self) -> &SharedState {
-        self.shared
+        self.results
     }
 }

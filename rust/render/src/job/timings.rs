@@ -95,6 +95,36 @@ impl RenderTimings {
         }
     }
 
+    /// Adds the figures of a render that was another part of the same one.
+    pub(crate) fn go_on(&mut self, next: Self) {
+        self.upload_secs += next.upload_secs;
+        self.build_secs += next.build_secs;
+        self.tile_secs += next.tile_secs;
+        self.tiles += next.tiles;
+        self.tile_bytes += next.tile_bytes;
+        self.retraced_waves += next.retraced_waves;
+        self.compile_secs += next.compile_secs;
+        self.warmed_up_pipelines += next.warmed_up_pipelines;
+        self.trace_secs += next.trace_secs;
+        self.light_tables += next.light_tables;
+        self.uploaded_bytes += next.uploaded_bytes;
+        self.levels.built += next.levels.built;
+        self.levels.refitted += next.levels.refitted;
+        self.levels.refitted_records += next.levels.refitted_records;
+        self.levels.worn += next.levels.worn;
+        self.closest_rays += next.closest_rays;
+        self.shadow_rays += next.shadow_rays;
+        self.paths += next.paths;
+        self.waves += next.waves;
+        self.left = next.left;
+        for PassTime { name, secs, runs } in next.passes {
+            match self.passes.iter_mut().find(|pass| pass.name == name) {
+                Some(pass) => (pass.secs, pass.runs) = (pass.secs + secs, pass.runs + runs),
+                None => self.passes.push(PassTime { name, secs, runs }),
+            }
+        }
+    }
+
     /// Adds one measured pass.
     pub(crate) fn add_pass(&mut self, name: &str, secs: f64) {
         match self.passes.iter_mut().find(|pass| pass.name == name) {

@@ -71,20 +71,82 @@ impl PixelWindow {
     }
 }
 
+/// Rows of a picture whose film is rendered window by window.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct FilmWindow {
+    /// What is traced: the rows inside, and others beside them.
+    pub(crate) traced: PixelWindow,
+    /// What is shown and measured.
+    pub(crate) inside: PixelWindow,
+    /// What is rendered of the picture, in all its windows.
+    pub(crate) picture: PixelWindow,
+}
+
+impl FilmWindow {
+    /// Cuts `picture` into windows of whole rows, as few as take no more than `pixels` pixels each if three rows do.
+    /// They have the same number of pixels, so that one film serves them all, and a row on either side that is not
+    /// shown, unless it is outside of the picture: the error of a pixel depends on the pixels next to it. One window is
+    /// the whole picture.
+    pub(crate) fn cut(picture: PixelWindow, pixels: u64) -> Vec<Self> {
+        let most = u32::try_from(pixels / u64::from(picture.width.max(1))).unwrap_or(u32::MAX).max(3);
+        if picture.height <= most {
+            return vec![Self { traced: picture, inside: picture, picture }];
+        }
+        // Two rows of the picture have no neighbour on one side.
+        let count = (picture.height - 2).div_ceil(most - 2);
+        let shown = (picture.height - 2).div_ceil(count);
+        let (rows, top) = (shown + 2, picture.y + picture.height);
+        let mut windows = Vec::new();
+        let mut next = picture.y;
+        while next < top {
+            let first = next.saturating_sub(1).clamp(picture.y, top - rows);
+            let end = if first + rows == top { top } else { first + rows - 1 };
+            let rows_of = |y: u32, height: u32| PixelWindow { y, height, ..picture };
+            windows.push(Self { traced: rows_of(first, rows), inside: rows_of(next, end - next), picture });
+            next = end;
+        }
+        windows
+    }
+
+    /// The pixels inside among those that are traced: the first, and their number.
+    pub(crate) fn measured(self) -> [u32; 2] {
+        let width = self.traced.width;
+        [(self.inside.y - self.traced.y) * width, self.inside.height * width]
+    }
+}
+
 /// Where the pixels of a render go in the images that the host reads: these are of the whole picture, and have clear
 /// values outside of what is rendered.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct PictureLayout {
     /// Columns and rows of the picture.
     pub(crate) size: [u32; 2],
-    /// What is rendered.
+    /// What the film has.
     pub(crate) window: PixelWindow,
+    /// Rows of it that are shown: all, unless it is one of several windows.
+    pub(crate) inside: PixelWindow,
+    /// What is rendered, in all windows.
+    picture: PixelWindow,
     aovs: Vec<AovRequest>,
 }
 
 impl PictureLayout {
     pub(crate) fn new(size: [u32; 2], window: PixelWindow, aovs: &[AovRequest]) -> Self {
-        Self { size, window, aovs: aovs.to_vec() }
+        Self { size, window, inside: window, picture: window, aovs: aovs.to_vec() }
+    }
+
+    /// The same where the film has one of several windows of the picture.
+    #[must_use]
+    pub(crate) fn of_window(self, window: Option<FilmWindow>) -> Self {
+        match window {
+            Some(FilmWindow { traced, inside, picture }) => Self { window: traced, inside, picture, ..self },
+            None => self,
+        }
+    }
+
+    /// Whether images of `other` are clear where those of this layout are.
+    pub(crate) fn is_clear_as(&self, other: &Self) -> bool {
+        self.size == other.size && self.picture == other.picture && self.aovs == other.aovs
     }
 
     /// Pixels of the whole picture.
@@ -92,9 +154,14 @@ impl PictureLayout {
         u64::from(self.size[0]) * u64::from(self.size[1])
     }
 
-    /// Whether all of the picture is rendered.
+    /// Whether all of the picture is shown.
     pub(crate) fn is_whole(&self) -> bool {
-        self.window == PixelWindow::whole(self.size)
+        self.inside == PixelWindow::whole(self.size)
+    }
+
+    /// Pixels of the film before the first one that is shown.
+    pub(crate) fn hidden(&self) -> usize {
+        (self.inside.y - self.window.y) as usize * self.window.width as usize
     }
 
     /// Fills an image of `kind` with its clear value.
@@ -114,9 +181,9 @@ impl PictureLayout {
         image.chunks_exact_mut(value.len()).for_each(|pixel| pixel.copy_from_slice(value));
     }
 
-    /// The rows of the window in an image of `kind`.
+    /// The rows that are shown in an image of `kind`.
     pub(crate) fn rows(&self, kind: AovKind) -> impl Iterator<Item = std::ops::Range<usize>> {
-        self.window.rows(self.size[0], kind.pixel_bytes())
+        self.inside.rows(self.size[0], kind.pixel_bytes())
     }
 }
 
@@ -142,6 +209,29 @@ mod tests {
         let window = PixelWindow { x: 3, y: 4, width: 20, height: 1 };
         assert_eq!(window.within([8, 8]), PixelWindow { width: 5, ..window });
         assert!(window.within([8, 4]).is_empty() && window.within([3, 8]).is_empty(), "nothing is left");
+    }
+
+    #[test]
+    fn windows_of_a_film_cover_the_picture_once_and_have_their_neighbours() {
+        for (height, pixels) in [(37, 40), (37, 400), (37, 369), (37, 370), (3, 1), (8640, 900), (4, 30), (5, 49)] {
+            let picture = PixelWindow { x: 4, y: 6, width: 10, height };
+            let windows = FilmWindow::cut(picture, pixels);
+            let (top, mut next) = (picture.y + height, picture.y);
+            for FilmWindow { traced, inside, picture: of } in &windows {
+                assert_eq!((of, inside.y), (&picture, next), "{height}, {pixels}: without gaps");
+                assert_eq!(traced.size(), windows[0].traced.size(), "one film serves all");
+                assert!(traced.pixels() <= pixels.max(30), "{height}, {pixels}: {traced:?}");
+                let end = inside.y + inside.height;
+                let below = traced.y < inside.y || inside.y == picture.y && traced.y == picture.y;
+                let above = traced.y + traced.height > end || end == top && traced.y + traced.height == top;
+                assert!(below && above && inside.height > 0, "{height}, {pixels}: {traced:?}, {inside:?}");
+                next = end;
+            }
+            assert_eq!(next, top, "{height}, {pixels}: all rows are there");
+            assert!(windows.len() > 1 || picture.pixels() <= pixels.max(30), "cut");
+        }
+        let [first, second] = FilmWindow::cut(PixelWindow::whole([10, 6]), 40)[..] else { panic!("two windows") };
+        assert_eq!((first.measured(), second.measured()), ([0, 30], [10, 30]), "where they are measured");
     }
 
     #[test]

@@ -4,6 +4,7 @@
 //! Render thread only. The device, the scene, the wave memory and the images are kept from frame to frame where they
 //! can be.
 
+mod film_windows;
 mod first_picture;
 mod upload;
 
@@ -28,6 +29,7 @@ use crate::lights::{FileCache, KeptLights, LightSource, LightTable, LightTables,
 use crate::streaming::{self, StreamBuffers};
 use crate::sync::lock;
 use crate::wavefront::{BackgroundCompile, PathBuffers};
+use film_windows::FilmShare;
 use first_picture::FirstPictures;
 use oocpt_abi::{Features, FrameConstants};
 use oocpt_core::inventory::RenderInventory;
@@ -66,6 +68,15 @@ fn limit_shapes(job: &RenderJob, scene: &DeviceScene) {
     }
     let encoded = host_memory::limit_of(HostMemoryUser::Encoded, &job.settings, shapes.bytes(), job.fixed_host_bytes);
     shapes.limit(encoded / SHAPES_SHARE);
+}
+
+/// Whether memory was too short.
+fn is_short(result: &Result<(), RenderError>) -> bool {
+    let is_short = matches!(result, Err(RenderError::Budget { .. } | RenderError::NoProgress { .. }));
+    if let (true, Err(error)) = (is_short, result) {
+        tracing::info!(%error, "memory is short");
+    }
+    is_short
 }
 
 /// The state that the render thread keeps from frame to frame.
@@ -141,22 +152,23 @@ impl Renderer {
         #[cfg(not(feature = "faults"))]
         let _ = lost;
         self.is_frugal = false;
-        let mut result = self.render_on(&device, job, gate, progress);
-        if let Err(error @ (RenderError::Budget { .. } | RenderError::NoProgress { .. })) = &result {
-            tracing::info!(%error, "trying again with as little memory as possible");
-            progress.begin_again();
-            self.scene.clear(&device)?;
-            *self = Self { device: Some(Arc::clone(&device)), is_frugal: true, ..Self::default() };
-            device.gpu.wait_idle()?;
-            device.heap.trim();
-            result = self.render_on(&device, job, gate, progress);
+        let mut share = FilmShare::Usual;
+        let mut result = self.render_picture(&device, job, gate, progress, share);
+        if is_short(&result) {
+            self.begin_frugally(&device, progress)?;
+            result = self.render_picture(&device, job, gate, progress, share);
+        }
+        if is_short(&result) && film_windows::are_smaller(job, device.gpu.memory().budget) {
+            share = FilmShare::Least;
+            self.begin_frugally(&device, progress)?;
+            result = self.render_picture(&device, job, gate, progress, share);
         }
         if let Err(error @ RenderError::TexturesOutgrow) = &result {
             tracing::info!(%error, "streaming");
             self.outgrown = Some(Arc::clone(&job.snapshot));
             device.gpu.wait_idle()?;
             progress.begin_again();
-            result = self.render_on(&device, job, gate, progress);
+            result = self.render_picture(&device, job, gate, progress, share);
         }
         device.keep_pipelines(true);
         progress.end(&device.gpu);
@@ -168,6 +180,17 @@ impl Renderer {
             device.forget();
         }
         result
+    }
+
+    /// Frees everything that is held, to render again with as little memory as possible.
+    fn begin_frugally(&mut self, device: &Arc<Device>, progress: &mut FrameProgress<'_>) -> Result<(), RenderError> {
+        tracing::info!("trying again with as little memory as possible");
+        progress.begin_again();
+        self.scene.clear(device)?;
+        *self = Self { device: Some(Arc::clone(device)), is_frugal: true, ..Self::default() };
+        device.gpu.wait_idle()?;
+        device.heap.trim();
+        Ok(())
     }
 
     fn render_on(

@@ -9,7 +9,7 @@ const SHARE: f64 = 0.5;
 /// One pixel in so many may be among the few.
 const ONE_IN: u64 = 1000;
 
-/// Samples, seconds, relMSE with its 95 % interval, peak of the device memory, and loads.
+/// Samples, seconds, relMSE with its 95 % interval, peak of the device memory, loads, and the windows of the film.
 pub(crate) fn line(stats: &RenderStats) -> String {
     let estimate = stats.error.as_ref().and_then(|row| row.estimate);
     let error = estimate.map_or_else(
@@ -20,11 +20,15 @@ pub(crate) fn line(stats: &RenderStats) -> String {
         streaming if streaming.in_core => "in core".to_owned(),
         streaming => format!("{} loads", streaming.loads),
     };
+    let windows = match stats.film_windows {
+        0 => String::new(),
+        windows => format!(", the film in {windows} windows"),
+    };
     let denoised = stats.denoised.as_ref();
     let denoised =
         denoised.map_or_else(String::new, |usage| format!(", denoised in {:.1} s by {}", usage.seconds, usage.by));
     format!(
-        "{} samples, {:.1} s, {error}, {} of device memory, {loads}{denoised}",
+        "{} samples, {:.1} s, {error}, {} of device memory, {loads}{windows}{denoised}",
         stats.samples_completed,
         stats.seconds_total,
         bytes(stats.gpu_peak_bytes)
@@ -94,6 +98,8 @@ mod tests {
         stats.denoised = None;
         (stats.streaming.in_core, stats.error, stats.gpu_peak_bytes) = (true, None, 300 << 20);
         assert_eq!(line(&stats), "64 samples, 12.3 s, error unknown, 300 MiB of device memory, in core");
+        stats.film_windows = 5;
+        assert!(line(&stats).ends_with(" of device memory, in core, the film in 5 windows"), "{}", line(&stats));
     }
 
     #[test]

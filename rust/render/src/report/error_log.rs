@@ -23,8 +23,11 @@ use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::path::Path;
 
-/// Fewest samples after which the error may count as small enough: with fewer, its estimate is too uncertain.
+/// Octave of the fewest samples after which the error may count as small enough: with fewer, its estimate is too
+/// uncertain.
 const MIN_SAMPLES_TO_STOP: u32 = 4;
+/// These samples.
+pub(crate) const FIRST_TO_STOP: u32 = 1 << MIN_SAMPLES_TO_STOP;
 
 /// The clock and counters of a row.
 #[derive(Clone, Copy, Debug, Default)]
@@ -34,6 +37,17 @@ pub(crate) struct RowMoment {
     pub(crate) bytes_paged: u64,
     /// Samples of each pixel, on average.
     pub(crate) samples: u32,
+    /// The picture of these samples is published, if any is to be compared.
+    pub(crate) has_picture: bool,
+}
+
+/// A measurement of a window of the picture.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct MeasuredRow {
+    /// None at an end between octaves.
+    pub(crate) octave: Option<u32>,
+    pub(crate) measured: MeasuredError,
+    pub(crate) moment: RowMoment,
 }
 
 /// What is known of the error of the samples that a film has.
@@ -81,6 +95,10 @@ pub(crate) struct ErrorLog {
     open: u64,
     /// The last row, held back because it may turn out to be the final one.
     last: Option<ErrorRow>,
+    /// All measurements, if the render is of a window of the picture.
+    rows: Option<Vec<MeasuredRow>>,
+    /// The log of the picture of which this render is a window wants octaves.
+    serves_octaves: bool,
 }
 
 impl ErrorLog {
@@ -108,7 +126,19 @@ impl ErrorLog {
             has_halves,
             open,
             last: None,
+            rows: job.film_window.map(|_| Vec::new()),
+            serves_octaves: false,
         }
+    }
+
+    /// Begins the render of a window of a picture, for the log of the picture.
+    pub(crate) fn serve(&mut self, picture: &Self) {
+        self.serves_octaves = picture.wants_octaves();
+    }
+
+    /// The measurements of a window of the picture.
+    pub(crate) fn take_rows(&mut self) -> Vec<MeasuredRow> {
+        self.rows.take().unwrap_or_default()
     }
 
     /// Forgets the samples so far, which are taken anew; the report goes on.
@@ -156,7 +186,7 @@ impl ErrorLog {
 
     /// Returns true if waves are to end where octaves do, so that a row has the time of its own samples.
     pub(crate) fn wants_octaves(&self) -> bool {
-        self.writer.is_some() || self.reference.is_some() || self.target > 0.0
+        self.writer.is_some() || self.reference.is_some() || self.target > 0.0 || self.serves_octaves
     }
 
     /// Returns true if pictures are to be published with each octave.
@@ -190,6 +220,9 @@ impl ErrorLog {
         octave: Option<u32>,
         moment: RowMoment,
     ) {
+        if let Some(rows) = &mut self.rows {
+            rows.push(MeasuredRow { octave, measured: measured.clone(), moment });
+        }
         let estimate = match octave {
             _ if self.has_halves => of_halves(&measured.sums),
             Some(octave) => self.history.convergence.octave(octave, &measured.sums),
@@ -201,8 +234,8 @@ impl ErrorLog {
             self.decide(octave, high);
         }
         let MeasuredError { worst, rays, .. } = measured;
-        let truth = self.compare(shared, AovKind::Color);
-        let RowMoment { seconds, seconds_tracing, bytes_paged, samples } = moment;
+        let RowMoment { seconds, seconds_tracing, bytes_paged, samples, has_picture } = moment;
+        let truth = if has_picture { self.compare(shared, AovKind::Color) } else { None };
         let row =
             ErrorRow { samples, seconds, seconds_tracing, rays, estimate, worst, bytes_paged, truth, is_last: false };
         self.write(shared);
@@ -228,6 +261,8 @@ impl ErrorLog {
     pub(crate) fn finish(&mut self, shared: &SharedState) {
         if let Some(row) = &mut self.last {
             row.is_last = true;
+            let compare = |reference: &ReferencePicture| reference.compare(&lock(&shared.published), AovKind::Color);
+            row.truth = row.truth.or_else(|| self.reference.as_ref().and_then(compare));
             lock(&shared.stats).error = Some(row.clone());
         }
         self.write(shared);

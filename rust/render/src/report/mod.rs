@@ -8,3 +8,4 @@ pub(crate) mod error_log;
 pub mod error_report;
 pub mod material_report;
 pub(crate) mod progress_bar;
+pub(crate) mod window_rows;

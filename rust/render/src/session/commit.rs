@@ -76,7 +76,8 @@ impl SessionScene {
         #[cfg(feature = "faults")]
         shared.commit_gate.pass();
         let commit = self.db.commit();
-        let fixed_host_bytes = self.watch_host_memory(settings, &lent, &commit.snapshot, shared);
+        let fixed_host_bytes = self.watch_host_memory(settings, &lent, &commit.snapshot, shared)
+            + host_memory::film_files(settings, ask.request.pixels());
         self.report_materials(&settings.material_report, shared);
         for line in summary(&commit.warnings) {
             shared.report(Severity::Warning, line);

@@ -141,7 +141,9 @@ impl WavefrontRecorder<'_> {
     /// Measures the film's error; the result goes to `slot`.
     pub(crate) fn measure(&self, commands: &mut CommandList, slot: u32) {
         let groups = [error_groups(u64::from(self.pixels)), 1, 1];
-        self.workgroups(commands, Pass::MeasureError, self.push(PathKind::Samples), groups);
+        let [first_pixel, path_count] = self.film.measured();
+        let push = PushConstants { first_pixel, path_count, ..self.push(PathKind::Samples) };
+        self.workgroups(commands, Pass::MeasureError, push, groups);
         self.film.copy_error(commands, self.counters, slot);
     }
 

@@ -6,7 +6,10 @@ use crate::scenes::nested;
 use crate::support::{self, color_request, filtering, perspective, read, render, render_with_messages, settings};
 use glam::DVec3;
 use oocpt_core::settings::{DenoiseMode, Settings};
-use oocpt_render::{AovKind, AovRequest, PixelWindow, RenderRequest, Severity, picture::PictureAttribute};
+use oocpt_render::picture::PictureAttribute;
+use oocpt_render::{
+    AovKind, AovRequest, PixelWindow, PlantedFaults, RenderRequest, Session, SessionOptions, Severity,
+};
 
 const SIZE: [u32; 2] = [96, 72];
 
@@ -24,7 +27,7 @@ fn denoising(denoise: DenoiseMode, samples: u32) -> Settings {
     Settings { denoise, denoiser_library: file, ..filtering(settings(samples, 1)) }
 }
 
-fn session(settings: Settings) -> oocpt_render::Session {
+fn session(settings: Settings) -> Session {
     let session = support::session(settings);
     session.with_scene(nested);
     session
@@ -101,6 +104,22 @@ fn a_window_is_denoised_as_itself() {
         }
     }
     assert!(bright > 1000 && outside == 0, "{bright} inside, {outside} outside");
+}
+
+#[test]
+fn a_film_in_windows_is_denoised_as_a_whole() {
+    let faults = PlantedFaults { film_window: Some(96 * 20), ..PlantedFaults::default() };
+    let request = asking(&[AovKind::Color, AovKind::Denoised, AovKind::CryptoObject]);
+    let kinds = [AovKind::Denoised, AovKind::CryptoObject];
+    let [whole, windows] = [PlantedFaults::default(), faults].map(|faults| {
+        let options = SessionOptions { validation: true, faults, ..SessionOptions::default() };
+        let session = Session::with_options(denoising(DenoiseMode::Off, 4), options);
+        session.with_scene(nested);
+        render(&session, &request);
+        (kinds.map(|kind| read::<u8>(&session, &request, kind)), session.stats().film_windows)
+    });
+    assert!(whole.1 == 0 && windows.1 > 2, "{} {}", whole.1, windows.1);
+    assert!(whole.0 == windows.0, "the same bits");
 }
 
 #[test]

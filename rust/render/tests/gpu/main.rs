@@ -22,6 +22,7 @@ mod extending;
 mod failures;
 mod features;
 mod film_parts;
+mod film_windows;
 mod filtered_images;
 mod first_picture;
 mod furnace;

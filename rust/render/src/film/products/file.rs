@@ -3,15 +3,16 @@
 
 use super::cryptomatte::{self, CryptomatteLayer};
 use super::plan::is_input;
-use crate::film::picture::{PictureAttributes, layer_attributes};
+use crate::film::picture::{PictureAttribute, PictureAttributes, layer_attributes};
 use crate::job::aov::AovKind;
 use crate::job::product::{FileChannel, FileCompression, ProductFile, SampleFormat};
 use crate::job::publish::PublishedImages;
 use crate::job::request::RenderRequest;
 use exr::compression::Compression;
-use exr::meta::attribute::{AttributeValue, IntegerBounds, Text};
+use exr::meta::attribute::{AttributeValue, Chromaticities, IntegerBounds, Text};
 use exr::prelude::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, Vec2, WritableImage as _, f16};
 use oocpt_abi::IdSlot;
+use oocpt_core::file_space::FileSpace;
 use oocpt_core::scene::PrimNames;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -63,12 +64,19 @@ pub(crate) fn write(
             return Ok(AnyChannel::new(Text::from(channel.name.as_str()), samples));
         }
         let rows = rows(request, images, channel.kind).ok_or(ProductError::Image(channel.kind))?;
-        Ok(AnyChannel::new(Text::from(channel.name.as_str()), samples(&rows, channel)))
+        let is_color = matches!(channel.kind, AovKind::Color | AovKind::Denoised | AovKind::Albedo);
+        let space = file.space.filter(|_| is_color);
+        let row = space.and_then(|space| space.from_rec709().get(channel.component).copied());
+        Ok(AnyChannel::new(Text::from(channel.name.as_str()), samples(&rows, channel, row)))
     });
     let channels = AnyChannels::sort(channels.collect::<Result<_, ProductError>>()?);
     let mut layer = layer_attributes(attributes);
     for (name, value) in mattes.values().flat_map(|matte| &matte.attributes) {
         layer.other.insert(Text::from(name.as_str()), AttributeValue::Text(Text::from(value.as_str())));
+    }
+    if let Some(space) = file.space {
+        let named = ("renderingColorSpace".to_owned(), PictureAttribute::Text(space.name().to_owned()));
+        layer.other.extend(layer_attributes(&PictureAttributes::from([named])).other);
     }
     layer.layer_position = Vec2(file.data_corner[0], file.data_corner[1]);
     let encoding = Encoding { compression: compression(file.compression), ..Encoding::FAST_LOSSLESS };
@@ -77,6 +85,7 @@ pub(crate) fn write(
     let [columns, rows] = file.display_size.map(|side| side as usize);
     image.attributes.display_window = IntegerBounds::new(Vec2(0, 0), Vec2(columns, rows));
     image.attributes.pixel_aspect = file.pixel_aspect;
+    image.attributes.chromaticities = file.space.map(chromaticities);
     let file_error = |error: std::io::Error| ProductError::File(name(), error.to_string());
     if let Some(folder) = file.path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
         std::fs::create_dir_all(folder).map_err(file_error)?;
@@ -132,16 +141,32 @@ fn may_be_replaced(path: &Path) -> bool {
     }
 }
 
-/// The numbers of a channel, of rows of its image, top row first.
-fn samples(rows: &[&[u8]], channel: &FileChannel) -> FlatSamples {
+#[expect(clippy::cast_possible_truncation, reason = "the attribute has single precision")]
+fn chromaticities(space: &FileSpace) -> Chromaticities {
+    let [red, green, blue, white] = space.chromaticities.map(|[x, y]| Vec2(x as f32, y as f32));
+    Chromaticities { red, green, blue, white }
+}
+
+/// The numbers of a channel, of rows of its image, top row first; with `of_color` the sum of the three components of
+/// a pixel by these weights.
+fn samples(rows: &[&[u8]], channel: &FileChannel, of_color: Option<[f64; 3]>) -> FlatSamples {
     let (bytes, offset) = (channel.kind.pixel_bytes(), 4 * channel.component);
     let is_id = matches!(channel.kind, AovKind::PrimId | AovKind::InstanceId | AovKind::ElementId);
     let word = move |pixel: &[u8]| -> [u8; 4] {
         pixel.get(offset..offset + 4).and_then(|word| word.try_into().ok()).unwrap_or_default()
     };
-    #[expect(clippy::cast_precision_loss, reason = "whoever asks for ids as floats gets what floats hold")]
-    let float = move |pixel: &[u8]| {
-        if is_id { i32::from_ne_bytes(word(pixel)) as f32 } else { f32::from_ne_bytes(word(pixel)) }
+    #[expect(
+        clippy::cast_precision_loss,
+        clippy::cast_possible_truncation,
+        reason = "whoever asks for ids as floats gets what floats hold; sums are rounded to floats"
+    )]
+    let float = move |pixel: &[u8]| match of_color {
+        Some(weights) => {
+            let color = pixel.as_chunks::<4>().0.iter().map(|word| f64::from(f32::from_ne_bytes(*word)));
+            color.zip(weights).map(|(component, weight)| component * weight).sum::<f64>() as f32
+        }
+        None if is_id => i32::from_ne_bytes(word(pixel)) as f32,
+        None => f32::from_ne_bytes(word(pixel)),
     };
     #[expect(clippy::cast_possible_truncation, reason = "the cast saturates")]
     let whole = move |pixel: &[u8]| {

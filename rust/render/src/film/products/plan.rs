@@ -5,6 +5,7 @@ use super::{channels, frame_name};
 use crate::job::aov::AovRequest;
 use crate::job::product::{FileChannel, FileCompression, ProductFile, ProductPicture, ProductVar, RenderProduct};
 use crate::job::request::RenderRequest;
+use oocpt_core::file_space::FileSpace;
 use std::path::{Path, PathBuf};
 
 /// Most products of a render.
@@ -97,6 +98,7 @@ fn file_of(product: &RenderProduct, taken: &[PathBuf], warnings: &mut Vec<String
         path,
         channels,
         compression,
+        space: space_of(product, warnings),
         pixel_aspect: product.pixel_aspect,
         display_size: product.display_size,
         data_corner: product.data_corner,
@@ -161,6 +163,17 @@ fn compression_of(product: &RenderProduct, warnings: &mut Vec<String>) -> FileCo
             FileCompression::Zip
         }
     }
+}
+
+fn space_of(product: &RenderProduct, warnings: &mut Vec<String>) -> Option<&'static FileSpace> {
+    FileSpace::named(&product.color_space).unwrap_or_else(|nearest| {
+        let (prim, name) = (&product.prim, product.color_space.trim());
+        let text = "is no linear space of colours that is known";
+        warnings.push(format!(
+            "{prim}: renderingColorSpace {name} {text}; did you mean {nearest}? lin_rec709_scene is used"
+        ));
+        None
+    })
 }
 
 /// Whether a file is one of `inputs`, which are names of files that the scene reads; `<UDIM>` stands for four digits.
@@ -232,6 +245,19 @@ mod tests {
         assert_eq!(plan.before.iter().map(|before| before.files.len()).collect::<Vec<_>>(), [2, 1]);
         assert_eq!(plan.before[0].request.kinds(), [AovKind::Color, AovKind::Albedo], "the images of both");
         assert_eq!(plan.of_host.len(), 1);
+    }
+
+    #[test]
+    fn colours_are_written_in_the_space_that_is_named() {
+        let of = |space: &str| plan(&[RenderProduct { color_space: space.into(), ..product("/p", "a.exr") }]);
+        assert_eq!(of("acescg").of_host[0].space.map(FileSpace::name), Some("lin_ap1_scene"));
+        for space in ["", "raw", "lin_rec709"] {
+            assert!(of(space).of_host[0].space.is_none() && of(space).warnings.is_empty(), "{space:?}");
+        }
+        let unknown = of("lin_ap2");
+        assert!(unknown.of_host[0].space.is_none(), "as without one");
+        let [warning] = &unknown.warnings[..] else { panic!("{:?}", unknown.warnings) };
+        assert!(warning.starts_with("/p: ") && warning.contains("did you mean lin_ap1_scene?"), "{warning}");
     }
 
     #[test]
@@ -307,7 +333,7 @@ mod tests {
             settings: vec![("driver:parameters:aov:name".into(), text())],
         });
         let settings = vec![(COMPRESSION[0].into(), text())];
-        let (prim, kind, name) = (text(), text(), text());
+        let (prim, kind, name, color_space) = (text(), text(), text(), text());
         let sides = [0, 1, 7, 65_536, u32::MAX];
         RenderProduct {
             prim,
@@ -315,6 +341,7 @@ mod tests {
             name,
             vars: vars[..next(random, 4)].to_vec(),
             settings,
+            color_space,
             pixel_aspect: [1.0, 2.5, -1.0, f32::NAN, 1e-3][next(random, 5)],
             display_size: [sides[next(random, 5)], sides[next(random, 5)]],
             data_corner: [i32::MIN, i32::MAX],

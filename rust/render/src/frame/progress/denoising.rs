@@ -7,6 +7,7 @@ use crate::error::RenderError;
 use crate::film::Film;
 use crate::film::denoised;
 use crate::job::RenderJob;
+use crate::job::aov::AovKind;
 use crate::job::publish::PictureExtent;
 use crate::job::request::Severity;
 use crate::job::shared::FrameGate;
@@ -23,9 +24,9 @@ pub(super) struct DenoisingPlan {
 }
 
 impl DenoisingPlan {
-    /// `None` if nothing of the job is to be denoised.
+    /// `None` if nothing of the job is to be denoised, or if the whole that it is a window of is.
     pub(super) fn of(job: &RenderJob) -> Option<Self> {
-        let is_wanted = denoised::is_wanted(&job.request.kinds(), &job.settings);
+        let is_wanted = job.film_window.is_none() && denoised::is_wanted(&job.request.kinds(), &job.settings);
         is_wanted.then(|| Self { settings: job.settings.clone(), last: None })
     }
 }
@@ -45,7 +46,7 @@ impl FrameProgress<'_> {
         extent: PictureExtent,
         is_last: bool,
     ) -> Result<Option<DenoisedPicture>, RenderError> {
-        let Some(denoising) = &mut self.denoising else { return Ok(None) };
+        let Some(denoising) = &self.denoising else { return Ok(None) };
         let is_due = lock(&self.shared.denoiser).is_due(&denoising.settings, is_last);
         if !is_due || !extent.covers(self.pixels) {
             return Ok(None);
@@ -53,28 +54,45 @@ impl FrameProgress<'_> {
         if denoising.last.is_some() {
             return Ok(denoising.last.clone());
         }
+        let denoise = |images: [&[f32]; 3]| self.denoised(images, is_last);
+        let picture = film.look_at_guides(denoise)?.flatten();
+        if is_last && let Some(denoising) = &mut self.denoising {
+            denoising.last.clone_from(&picture);
+        }
+        Ok(picture)
+    }
+
+    /// Denoises the published picture that was put together of windows, if it is to be.
+    pub(crate) fn denoise_windows(&mut self) {
+        let Some(denoising) = &self.denoising else { return };
+        let mut published = lock(&self.shared.published);
+        published.show_denoised(denoising.replaces_color());
+        let images = [AovKind::Color, AovKind::Albedo, AovKind::Normal].map(|kind| published.window_of(kind));
+        drop(published);
+        let [Some(color), Some(albedo), Some(normal)] = images else { return };
+        if let Some(picture) = self.denoised([&color, &albedo, &normal], true) {
+            lock(&self.shared.published).put(AovKind::Denoised, picture.bytes(), u64::MAX);
+        }
+    }
+
+    /// Denoises a picture, and says in the stats what did it; tells why it cannot be denoised.
+    fn denoised(&self, images: [&[f32]; 3], is_last: bool) -> Option<DenoisedPicture> {
+        let denoising = self.denoising.as_ref()?;
         let gate = FrameGate::new(self.shared, self.generation);
         let goes_on = || !gate.is_superseded();
         let uuid = lock(&self.shared.device).as_ref().map(|device| device.uuid);
         let task = DenoiseTask { settings: &denoising.settings, size: self.layout.window.size(), is_last, uuid };
-        let denoise = |images: [&[f32]; 3]| denoiser::denoise(&self.shared.denoiser, images, task, &goes_on);
-        let done = film.look_at_guides(denoise)?.unwrap_or(Ok(None));
-        let picture = done.unwrap_or_else(|text| {
+        let picture = denoiser::denoise(&self.shared.denoiser, images, task, &goes_on).unwrap_or_else(|text| {
             self.shared.report(Severity::Warning, text);
             None
-        });
-        if let Some(picture) = &picture {
-            let usage = DenoiserUsage {
-                by: picture.by.clone(),
-                seconds: picture.took.as_secs_f64(),
-                replaces_color: denoised::replaces_color(&denoising.settings),
-                truth: None,
-            };
-            lock(&self.shared.stats).denoised = Some(usage);
-        }
-        if is_last {
-            denoising.last.clone_from(&picture);
-        }
-        Ok(picture)
+        })?;
+        let usage = DenoiserUsage {
+            by: picture.by.clone(),
+            seconds: picture.took.as_secs_f64(),
+            replaces_color: denoising.replaces_color(),
+            truth: None,
+        };
+        lock(&self.shared.stats).denoised = Some(usage);
+        Some(picture)
     }
 }

@@ -83,6 +83,8 @@ impl FrameProgress<'_> {
     #[expect(clippy::cast_possible_truncation, reason = "a factor of an image of f32")]
     fn scale_errors_by(&self, film: &Film, sums: &PictureErrorSums) {
         let estimate = lock(&self.shared.stats).error.as_ref().and_then(|row| row.estimate);
+        // Those of a window are scaled with the whole picture.
+        let estimate = estimate.filter(|_| self.window.is_none());
         if let Some(estimate) = estimate.filter(|_| sums.s > 0.0) {
             film.scale_errors((estimate.rel_mse * sums.pixels / sums.s) as f32);
         }
@@ -100,6 +102,7 @@ impl FrameProgress<'_> {
             bytes_paged: streaming.bytes_paged,
             // Streaming counts what is handed to the device; an epoch is all there is then.
             samples: if self.decided.is_some() { self.samples_done() } else { measured.fewest },
+            has_picture: true,
         };
         if let Some(usage) = film.adaptive().and_then(AdaptiveBuffers::usage) {
             let MeasuredError { fewest, most, .. } = measured;
