@@ -36,6 +36,7 @@ pub use film::products::unknown_aov;
 pub use host_memory::peak as host_peak_bytes;
 pub use job::SessionOptions;
 pub use job::aov::{AovKind, AovRequest};
+pub use job::expression::ExpressionId;
 pub use job::commits::CommitProgress;
 pub use job::edits::SceneEdit;
 #[cfg(feature = "faults")]

@@ -287,12 +287,16 @@ impl SurfaceStore {
             }
             let record = PrimRecord::default();
             tables.add(path, entry.desc.prim_id, (record, entry.desc.categories.clone(), slots), reports);
+            let of_light = lights.get(path).and_then(|light| light.label.clone());
+            tables.set_label(entry.desc.prim_id, of_light.or_else(|| entry.desc.label.clone()));
         }
         for prim in linked.list() {
             let (Some(slots), Some(entry)) = (linked_slots.get(&prim.path), meshes.get(&prim.path)) else { continue };
             let record = PrimRecord { shown_as: Some(entry.desc.prim_id), ..PrimRecord::default() };
             let categories = entry.desc.categories.iter().chain(prim.categories.iter()).cloned().collect();
             tables.add(&prim.path, prim.prim_id, (record, categories, slots.clone()), reports);
+            let of_light = lights.get(&prim.path).and_then(|light| light.label.clone());
+            tables.set_label(prim.prim_id, of_light.or_else(|| entry.desc.label.clone()));
         }
         tables
     }
@@ -331,6 +335,17 @@ impl SurfaceStore {
 }
 
 impl SurfaceTables {
+    /// Notes the label of a prim; ids out of range have none.
+    fn set_label(&mut self, prim_id: i32, label: Option<Arc<str>>) {
+        let Some(label) = label.filter(|label| !label.is_empty()) else { return };
+        let index = usize::try_from(i64::from(prim_id) + 1).ok().filter(|&index| index <= MAX_PRIM_ID as usize);
+        let Some(index) = index else { return };
+        if self.labels.len() <= index {
+            self.labels.resize(index + 1, None);
+        }
+        self.labels[index] = Some(label);
+    }
+
     /// Adds the bindings of one mesh: its record as far as it is known, its collections, its slots.
     fn add(
         &mut self,

@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Images that are filtered with the samples: for each the mean over a pixel's samples of what they meet first.
+//! Images that are filtered with the samples: for each the mean over a pixel's samples of what they meet first, or of
+//! the light that they meet on the paths of an expression, whose values come last.
 //!
 //! A sample leaves its values for all of them, one after the other, at its path or, while streaming, at its place in a
 //! segment; before its light is added to the film they are added to the sums of its pixel, in the same order. So their
 //! bits depend on budget and schedule as little as those of the colour. Without such an image there is nothing of it.
 
 use crate::job::aov::AovKind;
+use crate::job::expression::ExpressionId;
 use oocpt_abi::{FrameConstants, PlaneOffsets, PlaneSum};
 use oocpt_gpu::{Buffer, BufferUsage, Gpu, GpuError};
 use std::sync::Arc;
@@ -19,9 +21,9 @@ pub(crate) struct FilteredPlanes {
     pub(crate) sums: Buffer,
 }
 
-/// Those of `kinds` that are filtered.
-pub(crate) fn filtered(kinds: &[AovKind]) -> Vec<AovKind> {
-    kinds.iter().copied().filter(|kind| kind.is_filterable()).collect()
+/// Those of `kinds` that are summed, which are sorted; `filters`: with those of first hits.
+pub(crate) fn filtered(kinds: &[AovKind], filters: bool) -> Vec<AovKind> {
+    kinds.iter().copied().filter(|kind| kind.is_summed(filters)).collect()
 }
 
 /// Values that a sample has for `kinds`.
@@ -36,9 +38,13 @@ pub(crate) fn sums_bytes(kinds: &[AovKind], records: u64) -> u64 {
 }
 
 impl FilteredPlanes {
-    /// Sums for a film of so many records; `None` if none of `kinds` is filtered.
-    pub(crate) fn new(gpu: &Arc<Gpu>, kinds: &[AovKind], records: u64) -> Result<Option<Self>, GpuError> {
-        let kinds = filtered(kinds);
+    /// Sums for a film of so many records; `None` if none of `kinds` is summed.
+    pub(crate) fn new(
+        gpu: &Arc<Gpu>,
+        (kinds, filters): (&[AovKind], bool),
+        records: u64,
+    ) -> Result<Option<Self>, GpuError> {
+        let kinds = filtered(kinds, filters);
         if kinds.is_empty() {
             return Ok(None);
         }
@@ -55,6 +61,16 @@ impl FilteredPlanes {
         &self.kinds
     }
 
+    /// The light path expressions among them.
+    pub(crate) fn expressions(&self) -> Vec<ExpressionId> {
+        self.kinds.iter().filter_map(|kind| kind.expression()).collect()
+    }
+
+    /// Whether some of them are of what samples meet first.
+    pub(crate) fn has_first_hits(&self) -> bool {
+        self.kinds.iter().any(|kind| kind.is_filterable())
+    }
+
     /// Values of a sample.
     pub(crate) fn words(&self) -> u32 {
         self.words
@@ -64,6 +80,7 @@ impl FilteredPlanes {
     pub(crate) fn bind(&self, frame: &mut FrameConstants) {
         frame.plane_sums = self.sums.address();
         frame.plane_words = self.words;
+        frame.light_count = u32::try_from(self.expressions().len()).unwrap_or(0);
         let mut at = 0;
         for kind in &self.kinds {
             if let Some(first) = offset(&mut frame.plane_at, *kind) {
@@ -92,7 +109,8 @@ fn offset(at: &mut PlaneOffsets, kind: AovKind) -> Option<&mut u32> {
         | AovKind::Motion
         | AovKind::SampleCount
         | AovKind::Variance
-        | AovKind::Error => None,
+        | AovKind::Error
+        | AovKind::Light(_) => None,
     }
 }
 
@@ -106,6 +124,6 @@ mod tests {
             let mut at = PlaneOffsets::NONE;
             assert_eq!(offset(&mut at, kind).is_some(), kind.is_filterable(), "{kind:?}");
         }
-        assert_eq!(words(&filtered(&AovKind::ALL)), 18, "six images of three channels");
+        assert_eq!(words(&filtered(&AovKind::ALL, true)), 18, "six images of three channels");
     }
 }

@@ -15,6 +15,7 @@ use crate::film::adaptive::AdaptiveBuffers;
 use crate::film::filtered::FilteredPlanes;
 use crate::job::RenderJob;
 use crate::job::aov::{AovKind, AovRequest};
+use crate::job::expression::ExpressionId;
 use crate::job::publish::{PictureExtent, PublishedImages};
 use crate::job::request::RenderRequest;
 use crate::job::window::PictureLayout;
@@ -105,12 +106,12 @@ impl Film {
     ) -> Result<Self, GpuError> {
         let (pixels, kinds) = (request.pixels(), request.kinds());
         let has_light = kinds.iter().any(|kind| kind.is_of_light());
-        let has_color = has_light || filtered && kinds.iter().any(|kind| kind.is_filterable());
+        let has_color = has_light || kinds.iter().any(|kind| kind.is_summed(filtered));
         let parts = error_groups(pixels) as usize * size_of::<ErrorSums>();
         let adaptive = (has_light && adaptive).then(|| AdaptiveBuffers::new(gpu, pixels)).transpose()?;
         let film_bytes = film_bytes(pixels, adaptive.is_some());
         let records = film_bytes / size_of::<FilmPixel>() as u64;
-        let filtered = filtered.then(|| FilteredPlanes::new(gpu, &kinds, records)).transpose()?.flatten();
+        let filtered = FilteredPlanes::new(gpu, (&kinds, filtered), records)?;
         // The shader of the exact sums counts on the largest number of parts.
         let exact = (has_light && exact).then(|| film_bytes + u64::from(ERROR_GROUPS * ERROR_SUMS_BYTES));
         let exact_end = exact.map(|at| at + pixels * size_of::<ExactPixel>() as u64);
@@ -137,7 +138,7 @@ impl Film {
     /// Whether these images serve `request` too, wherever its window is.
     pub(crate) fn fits(&self, request: &RenderRequest, FilmSums { adaptive, exact, filtered }: FilmSums) -> bool {
         let same = self.pixels == request.pixels() && self.kinds == request.kinds();
-        let filters = filtered && self.kinds.iter().any(|kind| kind.is_filterable());
+        let filters = self.kinds.iter().any(|kind| kind.is_summed(filtered));
         same && self.exact.is_some() == (exact && self.has_light())
             && self.adaptive.is_some() == (adaptive && self.has_light())
             && self.filtered.is_some() == filters
@@ -195,6 +196,21 @@ impl Film {
     /// The images that are filtered with the samples.
     pub(crate) fn filtered(&self) -> Option<&FilteredPlanes> {
         self.filtered.as_ref()
+    }
+
+    /// The light path expressions that images are wanted of, in the order of their values.
+    pub(crate) fn expressions(&self) -> Vec<ExpressionId> {
+        self.filtered.as_ref().map_or_else(Vec::new, FilteredPlanes::expressions)
+    }
+
+    /// Values that a sample has for these.
+    pub(crate) fn light_words(&self) -> u32 {
+        u32::try_from(3 * self.expressions().len()).unwrap_or(0)
+    }
+
+    /// Whether some image is filtered of what samples meet first.
+    pub(crate) fn filters_first_hits(&self) -> bool {
+        self.filtered.as_ref().is_some_and(FilteredPlanes::has_first_hits)
     }
 
     /// Values that a sample has for filtered images.
@@ -268,6 +284,9 @@ impl Film {
                 }
             }
         }
+        for (kind, plane) in self.planes.iter().filter(|(kind, _)| kind.expression().is_some()) {
+            inventory.add(&format!("image {}", kind.name()), plane.size());
+        }
         match &self.adaptive {
             Some(adaptive) => adaptive.buffers().for_each(|buffer| inventory.add(buffer.name(), buffer.size())),
             None => inventory.leave_out("adaptive sampling", 160 * self.pixels),
@@ -275,7 +294,7 @@ impl Film {
         match &self.filtered {
             Some(filtered) => inventory.add(filtered.sums.name(), filtered.sums.size()),
             None => {
-                let all = filtered::sums_bytes(&filtered::filtered(&AovKind::ALL), self.pixels);
+                let all = filtered::sums_bytes(&filtered::filtered(&AovKind::ALL, true), self.pixels);
                 inventory.leave_out("plane_sums", all);
             }
         }
@@ -294,9 +313,13 @@ impl Film {
             filtered.bind(frame);
         }
         frame.adaptive = self.adaptive.as_ref().map_or(0, AdaptiveBuffers::address);
+        let parts = self.planes.iter().filter(|(kind, _)| kind.expression().is_some());
+        for ((_, plane), address) in parts.zip(&mut frame.light_images) {
+            *address = plane.address();
+        }
         for (kind, plane) in &self.planes {
             let address = match kind {
-                AovKind::Color => continue,
+                AovKind::Color | AovKind::Light(_) => continue,
                 AovKind::Depth => &mut frame.aov.depth,
                 AovKind::CameraDepth => &mut frame.aov.camera_depth,
                 AovKind::PrimId => &mut frame.aov.prim_id,
@@ -421,7 +444,7 @@ fn bind_clear(frame: &mut FrameConstants, aov: &AovRequest) {
         AovKind::Position => frame.aov_clear.position = [x, y, z],
         AovKind::Peye => frame.aov_clear.peye = [x, y, z],
         AovKind::GeometricNormal => frame.aov_clear.geometric_normal = [x, y, z],
-        // Every pixel has one.
-        AovKind::SampleCount | AovKind::Variance | AovKind::Error => {}
+        // Every pixel has one, and light that is not there is 0.
+        AovKind::SampleCount | AovKind::Variance | AovKind::Error | AovKind::Light(_) => {}
     }
 }

@@ -27,7 +27,7 @@ pub(super) fn wanted(
     let wants = |image| match image {
         PassImage::PixelCentres => film.has_planes(),
         PassImage::Filtered => film.filtered().is_some(),
-        PassImage::FirstHits => film.has_planes() || film.filtered().is_some(),
+        PassImage::FirstHits => film.has_planes() || film.filters_first_hits(),
         PassImage::Spread => film.has_spread(),
         PassImage::SampleCount => film.has_counts(),
         PassImage::ExactSums => film.has_exact_sums(),
