@@ -33,6 +33,7 @@ mod motion;
 mod motion_vectors;
 mod native_traversal;
 mod passes;
+mod path_expressions;
 mod pixel_filter;
 mod refitted;
 mod sample_counts;

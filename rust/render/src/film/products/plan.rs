@@ -130,7 +130,7 @@ impl PlannedParts {
         let new = channels.first().and_then(|channel| channel.kind.expression()).filter(|id| !self.0.contains(id));
         if let Some(new) = new {
             self.0.push(new);
-            fit_together(&self.0).inspect_err(|_| drop(self.0.pop()))?;
+            fit_together(&self.0).inspect_err(|_| self.0.truncate(self.0.len() - 1))?;
         }
         Ok(channels)
     }
