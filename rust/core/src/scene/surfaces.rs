@@ -409,10 +409,11 @@ impl SurfaceTables {
         self.materials.iter().map(|material| material.lookups()).max().unwrap_or(0)
     }
 
-    /// Clears tables without content: without a material there are no prims, unless some is in a collection.
+    /// Clears tables without content: without a material there are no prims, unless some is in a collection. Labels
+    /// stay.
     pub(crate) fn trim(&mut self) {
         if self.materials.is_empty() && self.category_sets.len() <= 1 {
-            *self = Self::default();
+            *self = Self { labels: std::mem::take(&mut self.labels), ..Self::default() };
         }
     }
 
@@ -424,6 +425,7 @@ impl SurfaceTables {
             && self.prims == other.prims
             && self.material_slots == other.material_slots
             && self.category_sets == other.category_sets
+            && self.labels == other.labels
     }
 
     /// Checks every invariant of the tables.
