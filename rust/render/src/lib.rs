@@ -36,9 +36,9 @@ pub use film::products::unknown_aov;
 pub use host_memory::peak as host_peak_bytes;
 pub use job::SessionOptions;
 pub use job::aov::{AovKind, AovRequest};
-pub use job::expression::ExpressionId;
 pub use job::commits::CommitProgress;
 pub use job::edits::SceneEdit;
+pub use job::expression::ExpressionId;
 #[cfg(feature = "faults")]
 pub use job::faults::{CommitGate, FaultWitness, PlantedFaults};
 pub use job::forced_features::ForcedFeatures;

@@ -295,8 +295,7 @@ impl PatternGraph {
     fn subsets(&self, labels: Vec<Option<Arc<str>>>) -> Result<PathAutomaton, AutomatonLimit> {
         // Symbols that are in the same sets are one class.
         let symbols = PathEvent::ALL.into_iter().flat_map(|event| labels.iter().map(move |label| (event, label)));
-        let sets: Vec<Vec<bool>> =
-            symbols.map(|(event, label)| self.sets_with(bit(event), label.as_ref())).collect();
+        let sets: Vec<Vec<bool>> = symbols.map(|(event, label)| self.sets_with(bit(event), label.as_ref())).collect();
         let class = numbered(sets.iter());
         let mut classes: Vec<&Vec<bool>> = Vec::new();
         for (is_in, class) in sets.iter().zip(&class) {
@@ -324,8 +323,7 @@ impl PatternGraph {
             }
             let state = states[accepts.len()].clone();
             accepts.push(state.iter().map(|node| self.nodes[*node as usize].ends).fold(0, |all, end| all | end));
-            let row: Vec<u32> =
-                classes.iter().map(|is_in| number(self.after(&state, is_in), &mut states)).collect();
+            let row: Vec<u32> = classes.iter().map(|is_in| number(self.after(&state, is_in), &mut states)).collect();
             next.extend(class.iter().map(|class| row[*class as usize]));
         }
         Ok(PathAutomaton { start, next, accepts, labels })

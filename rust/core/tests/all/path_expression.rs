@@ -141,9 +141,7 @@ enum Reference {
 const LABELS: [&str; 4] = ["", "key", "fill", "rim"];
 
 /// Events that a test of names and labels passes. `S` never comes without `G` in these tests.
-fn events(
-    passes: impl Fn(&'static str, &'static str) -> bool,
-) -> BTreeSet<(&'static str, &'static str)> {
+fn events(passes: impl Fn(&'static str, &'static str) -> bool) -> BTreeSet<(&'static str, &'static str)> {
     EVENTS.iter().flat_map(|name| LABELS.map(|label| (*name, label))).filter(|(n, l)| passes(n, l)).collect()
 }
 
@@ -216,7 +214,9 @@ impl Reference {
             at.into_iter().flat_map(|at| part.ends(path, at)).collect()
         };
         match self {
-            Self::Event(_, set) => path.get(from).filter(|event| set.contains(event)).map(|_| from + 1).into_iter().collect(),
+            Self::Event(_, set) => {
+                path.get(from).filter(|event| set.contains(event)).map(|_| from + 1).into_iter().collect()
+            }
             Self::Sequence(parts) => parts.iter().fold(BTreeSet::from([from]), |at, part| after(part, at)),
             Self::Either(parts) => parts.iter().flat_map(|part| part.ends(path, from)).collect(),
             Self::Repeat(part, least, most) => {

@@ -17,11 +17,11 @@ pub(crate) use waves::WaveSource;
 use crate::device::PassSpecialisation;
 use crate::error::RenderError;
 use crate::frame::block::frame_block;
-use crate::frame::{automaton_block, camera_blocks};
 use crate::frame::context::{FrameContext, is_cpu, limits_kinds, maps_host};
 use crate::frame::inventory::{self, CompiledPasses};
 use crate::frame::progress::FrameProgress;
 use crate::frame::specialise;
+use crate::frame::{automaton_block, camera_blocks};
 use crate::job::shared::FrameGate;
 use crate::job::timings::RenderTimings;
 use crate::wave::LAST_SLOT;
@@ -148,7 +148,18 @@ impl<'a> WavefrontTracer<'a> {
         }
         frame.write(0, bytemuck::bytes_of(&block))?;
         let written = paths.written();
-        Ok(Self { context, paths, passes, special, backend, written, frame, can_cancel, _camera: camera, _automaton: automaton })
+        Ok(Self {
+            context,
+            paths,
+            passes,
+            special,
+            backend,
+            written,
+            frame,
+            can_cancel,
+            _camera: camera,
+            _automaton: automaton,
+        })
     }
 
     /// Has rounds that the device has not begun do nothing, for a picture that is given up; false if it cannot.

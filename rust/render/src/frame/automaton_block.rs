@@ -23,9 +23,8 @@ pub(crate) fn upload(
         return Ok(None);
     }
     let automaton = expression::automaton(&expressions);
-    let labels = |of: &[Option<Arc<str>>]| -> Vec<u32> {
-        of.iter().map(|label| automaton.label(label.as_deref())).collect()
-    };
+    let labels =
+        |of: &[Option<Arc<str>>]| -> Vec<u32> { of.iter().map(|label| automaton.label(label.as_deref())).collect() };
     let prims = labels(&context.job.snapshot.surfaces.labels);
     let tables = [
         automaton.next.clone(),

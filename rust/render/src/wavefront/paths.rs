@@ -4,7 +4,8 @@
 //! [`PathArray`] lists them: allocation, the estimate of memory and the inventory are derived from it.
 
 use oocpt_abi::{
-    FrameConstants, GpuPathStates, LIGHT_PATH_BYTES, MAX_LEVELS, PathState, Ray, ShadowRay, WavefrontCounters, hit_stride,
+    FrameConstants, GpuPathStates, LIGHT_PATH_BYTES, MAX_LEVELS, PathState, Ray, ShadowRay, WavefrontCounters,
+    hit_stride,
 };
 use oocpt_core::inventory::RenderInventory;
 use oocpt_gpu::{Buffer, BufferUsage, Gpu, GpuError};

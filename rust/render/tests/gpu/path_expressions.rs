@@ -102,12 +102,17 @@ fn zoo(db: &mut SceneDb) {
         let label = (id == 7).then(|| "key".into());
         db.upsert_mesh(MeshDesc { material: Some(Arc::clone(name)), label, ..ball });
     }
-    db.upsert_mesh(square(prim("/floor", DMat4::from_translation(-DVec3::Y) * DMat4::from_scale(DVec3::splat(6.0))), 1, 0.6));
+    db.upsert_mesh(square(
+        prim("/floor", DMat4::from_translation(-DVec3::Y) * DMat4::from_scale(DVec3::splat(6.0))),
+        1,
+        0.6,
+    ));
     let above = DMat4::from_translation(DVec3::new(1.0, 3.0, 1.0)) * DMat4::from_rotation_x(-PI / 2.0);
     let rect = LightKind::Rect { width: 1.5, height: 1.0, texture: None };
     let ball = LightKind::Sphere { radius: 0.3, treat_as_point: false };
     let aside = DMat4::from_translation(DVec3::new(-2.5, 1.0, 1.0));
-    let lamp = |path: &str, place, kind| LightDesc { prim: prim(path, place), kind, color: [6.0, 5.0, 4.0], ..dome([1.0; 3]) };
+    let lamp =
+        |path: &str, place, kind| LightDesc { prim: prim(path, place), kind, color: [6.0, 5.0, 4.0], ..dome([1.0; 3]) };
     db.upsert_light(labelled("key", lamp("/key", above, rect)));
     db.upsert_light(LightDesc { diffuse: 0.5, specular: 1.5, ..labelled("rim", lamp("/rim", aside, ball)) });
     db.upsert_light(dome([0.2, 0.25, 0.4]));
@@ -208,7 +213,8 @@ fn each_event_is_where_it_must_be() {
 fn light_is_split_by_lobes_as_lights_multipliers_split_it() {
     let red = [0.8, 0.1, 0.05];
     let floor = |db: &mut SceneDb| {
-        let params = [number("roughness", 0.4), number("clearcoat", 0.6), number("ior", 1.6), tint("diffuseColor", red)];
+        let params =
+            [number("roughness", 0.4), number("clearcoat", 0.6), number("ior", 1.6), tint("diffuseColor", red)];
         db.upsert_material(surface("/plastic", &params));
         let floor = square(prim("/floor", DMat4::IDENTITY), 1, 0.5);
         db.upsert_mesh(MeshDesc { material: Some("/plastic".into()), ..floor });
@@ -233,7 +239,11 @@ fn light_is_split_by_lobes_as_lights_multipliers_split_it() {
         for (text, alone) in [("C<RD>L", [1.0, 0.0]), ("C<RG>L", [0.0, 1.0])] {
             let (part, expected) = (shown([1.0; 2], text), shown(alone, "C.*"));
             let most = expected.iter().map(|c| c[0]).fold(0.0, f32::max);
-            let off = part.iter().zip(&expected).flat_map(|(a, b)| [0, 1, 2].map(|c| (a[c] - b[c]).abs())).fold(0.0, f32::max);
+            let off = part
+                .iter()
+                .zip(&expected)
+                .flat_map(|(a, b)| [0, 1, 2].map(|c| (a[c] - b[c]).abs()))
+                .fold(0.0, f32::max);
             assert!(most > 0.02 && off < 2e-4 * most, "{name}: {text} is {off} apart of {most}");
         }
     }
@@ -298,18 +308,19 @@ fn light_groups_are_those_of_their_lights() {
     };
     let view = asking(&color_request(orthographic(DVec3::new(0.0, 5.0, 1.0), DVec3::ZERO, 3.0, [16, 12])), &texts);
     for streams in [false, true] {
-        let session = session_of(settings(8, 2), streams, build);
+        let session = session_of(settings(32, 0), streams, build);
         render(&session, &view);
         let color = read::<[f32; 4]>(&session, &view, AovKind::Color);
+        assert!(color.iter().all(|c| c[0] > 0.0 && c[1] > 0.0 && c[2] > 0.0), "all three are seen");
         let parts = texts.map(|text| image(&session, &view, text));
         for (pixel, color) in color.iter().enumerate() {
             for channel in 0..3 {
                 let of: Vec<f32> = parts[..3].iter().map(|part| part[pixel][channel]).collect();
-                let own = (of[channel] - color[channel]).abs() < 1e-6 * color[channel];
+                let own = (of[channel] - color[channel]).abs() <= 1e-6 * color[channel];
                 assert!(own && of.iter().sum::<f32>() == of[channel], "streaming {streams}: {of:?} of {color:?}");
             }
             assert_eq!(parts[3][pixel], [0.0; 3], "no surface shines");
-            assert_eq!(parts[4][pixel].map(|c| c > 0.0), [true; 3], "the floor has a label");
+            assert_eq!(parts[4][pixel], [0, 1, 2].map(|c| color[c]), "the floor has a label");
         }
     }
 }
