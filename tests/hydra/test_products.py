@@ -199,6 +199,12 @@ def test_parts_of_light_are_images_of_hosts(pool):
     np.testing.assert_allclose(sum(parts), pictures["color"][..., :3], rtol=1e-5, atol=1e-7)
 
 
+def test_an_aov_that_is_no_expression_is_a_warning(pool):
+    picture = pool.get("legacy").picture(stage({}), SIZE, camera="/Eye", aovs=["color", "lpe:C<RD"])
+    told = [line for line in picture.log.splitlines() if "lpe:C<RD is left out" in line and "character 9" in line]
+    assert len(told) == 1 and picture["color"].any(), picture.log
+
+
 def test_every_policy_for_another_aspect_ratio(record, pool):
     """The camera's aperture is 4 : 3; a picture of 2 : 1 widens or cuts it, or has other pixels."""
     wide = (64, 32)
