@@ -201,7 +201,7 @@ def test_parts_of_light_are_images_of_hosts(pool):
 
 def test_an_aov_that_is_no_expression_is_a_warning(pool):
     picture = pool.get("legacy").picture(stage({}), SIZE, camera="/Eye", aovs=["color", "lpe:C<RD"])
-    told = [line for line in picture.log.splitlines() if "lpe:C<RD is left out" in line and "character 9" in line]
+    told = [line for line in picture.log.splitlines() if "lpe:C<RD is left out" in line and "character 5" in line]
     assert len(told) == 1 and picture["color"].any(), picture.log
 
 
