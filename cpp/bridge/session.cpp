@@ -269,6 +269,12 @@ void HdOocPTSession::Render(const HdOocPTRenderRequest& request)
             _impl->warnings.Add(request.cameraPath,
                 "its shutter is not open, or motion blur is turned off: the AOV motion is 0 everywhere");
         }
+        for (const HdOocPTAovRequest& aov : request.aovs) {
+            const std::string wrong(oocpt::unknown_aov(_Str(aov.name.GetString())));
+            if (!wrong.empty()) {
+                _impl->warnings.Add(request.cameraPath, "the AOV " + aov.name.GetString() + " is left out: " + wrong);
+            }
+        }
         (*_impl->session)->render(std::move(desc), std::move(products));
     });
     _impl->warnings.Post();

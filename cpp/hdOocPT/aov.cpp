@@ -11,12 +11,16 @@
 #include "pxr/base/gf/vec4d.h"
 #include "pxr/base/gf/vec4f.h"
 #include "pxr/base/gf/vec4i.h"
+#include "pxr/base/tf/stringUtils.h"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>
 #include <cstring>
+#include <map>
+#include <mutex>
+#include <string>
 #include <vector>
 
 PXR_NAMESPACE_OPEN_SCOPE
@@ -178,11 +182,48 @@ std::vector<HdOocPTAov> _MakeAovs()
     };
 }
 
+// Before a light path expression.
+constexpr char _expressionPrefix[] = "lpe:";
+
+// The part of the light that an expression is of; what is wrong with an expression the renderer tells.
+HdOocPTAov const* _FindPart(TfToken const& name)
+{
+    static std::mutex mutex;
+    static std::map<TfToken, HdOocPTAov> parts;
+    std::lock_guard<std::mutex> const lock(mutex);
+    HdOocPTAov const part { name, HdFormatFloat32Vec3, VtValue(GfVec3f(0.0f)) };
+    return &parts.emplace(name, part).first->second;
+}
+
 } // namespace
+
+TfToken HdOocPTAovName(HdRenderPassAovBinding const& binding)
+{
+    static TfToken const sourceName("sourceName");
+    static TfToken const sourceType("sourceType");
+    static TfToken const lpe("lpe");
+    auto const text = [&binding](TfToken const& key) {
+        auto const found = binding.aovSettings.find(key);
+        if (found == binding.aovSettings.end()) {
+            return std::string();
+        }
+        VtValue const& value = found->second;
+        return value.IsHolding<TfToken>() ? value.UncheckedGet<TfToken>().GetString()
+                                          : value.GetWithDefault<std::string>();
+    };
+    std::string const expression = text(sourceName);
+    if (text(sourceType) != lpe.GetString() || expression.empty()) {
+        return binding.aovName;
+    }
+    return TfToken(TfStringStartsWith(expression, _expressionPrefix) ? expression : _expressionPrefix + expression);
+}
 
 HdOocPTAov const* HdOocPTFindAov(TfToken const& name)
 {
     static std::vector<HdOocPTAov> const aovs = _MakeAovs();
+    if (TfStringStartsWith(name.GetString(), _expressionPrefix)) {
+        return _FindPart(name);
+    }
     auto const found = std::find_if(aovs.begin(), aovs.end(), [&name](HdOocPTAov const& a) { return a.name == name; });
     return found == aovs.end() ? nullptr : &*found;
 }

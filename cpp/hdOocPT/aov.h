@@ -21,6 +21,9 @@ struct HdOocPTAov
     VtValue clearValue;
 };
 
+/// The output that a host binds: its name, or `lpe:` and the light path expression where its settings have one.
+TfToken HdOocPTAovName(HdRenderPassAovBinding const& binding);
+
 /// The output of that name; null if OocPT does not render it.
 HdOocPTAov const* HdOocPTFindAov(TfToken const& name);
 

@@ -64,7 +64,8 @@ bool HdOocPTRenderPass::_BindAovs(HdRenderPassAovBindingVector const& bindings, 
         if (!buffer) {
             continue;
         }
-        HdOocPTAov const* const aov = HdOocPTFindAov(binding.aovName);
+        TfToken const name = HdOocPTAovName(binding);
+        HdOocPTAov const* const aov = HdOocPTFindAov(name);
         buffer->Bind(aov, binding.clearValue);
         int const width = static_cast<int>(buffer->GetWidth());
         int const height = static_cast<int>(buffer->GetHeight());
@@ -75,7 +76,7 @@ bool HdOocPTRenderPass::_BindAovs(HdRenderPassAovBindingVector const& bindings, 
             request->width = width;
             request->height = height;
         }
-        request->aovs.push_back({ binding.aovName, binding.clearValue });
+        request->aovs.push_back({ name, binding.clearValue });
     }
     return !request->aovs.empty();
 }

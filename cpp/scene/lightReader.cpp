@@ -7,6 +7,7 @@
 #include "pxr/usd/sdf/path.h"
 #include "scene/assetPath.h"
 #include "scene/dataSource.h"
+#include "scene/labelReader.h"
 #include "scene/sceneObserver.h"
 #include "scene/tokens.h"
 
@@ -125,6 +126,19 @@ void _ReadShaping(const _Inputs& inputs, oocpt::LightDesc* desc)
         || !shaping.ies.authored.empty();
 }
 
+/// The light group, by inputs or primvars.
+rust::String _ReadLabel(const HdOocPTPrimSource& source, const _Inputs& inputs)
+{
+    const auto& labels = *HdOocPTLabelTokens;
+    for (const TfToken& name : { labels.lightGroup, labels.riLightGroup, labels.karmaLightTag }) {
+        const rust::String text = inputs.GetText(name);
+        if (!text.empty()) {
+            return text;
+        }
+    }
+    return rust::String::lossy(HdOocPTReadLabel(source.container));
+}
+
 /// Warns of light shaders of other renderers, which may have any inputs. A schema's own is named as its type; the
 /// lights that hosts make at the camera have RenderMan's names for two of them.
 void _WarnOfShader(const HdOocPTPrimSource& source, const _Inputs& inputs)
@@ -214,6 +228,7 @@ oocpt::LightDesc HdOocPTReadLight(const HdOocPTPrimSource& source, const TfToken
         inputs.Get(tokens.shadowFalloffGamma, 1.0f) };
     desc.light_link = inputs.GetText(tokens.lightLink);
     desc.shadow_link = inputs.GetText(tokens.shadowLink);
+    desc.label = _ReadLabel(source, inputs);
     desc.camera_visible = true;
     HdOocPTConvert(HdOocPTRead(source.container, { tokens.primvars, tokens.cameraVisibility, tokens.primvarValue }),
         &desc.camera_visible);

@@ -4,6 +4,7 @@
 #include "oocpt-bridge/src/lib.rs.h"
 #include "pxr/base/vt/array.h"
 #include "scene/dataSource.h"
+#include "scene/labelReader.h"
 #include "scene/sceneObserver.h"
 #include "scene/tokens.h"
 #include "scene/usdProperties.h"
@@ -263,6 +264,7 @@ void HdOocPTReadMesh(
     if (source.dirtyBits & HdOocPTDirtyPrimvars) {
         state->primvars = HdOocPTReadOtherPrimvars(
             source, { tokens.points, tokens.widths, tokens.normals, tokens.displayColor, tokens.displayOpacity });
+        state->label = HdOocPTReadLabel(source.container);
     }
     if (source.dirtyBits & HdOocPTDirtyMaterialBinding) {
         state->material = _ReadMaterial(source.container, source.bindingPurposes);
@@ -295,6 +297,7 @@ oocpt::MeshDesc HdOocPTDescribeMesh(const SdfPath& path, const HdOocPTMeshState&
     desc.display_opacity = HdOocPTDescribePrimvar(state.displayOpacity);
     desc.primvars = HdOocPTDescribePrimvars(state.primvars);
     desc.material = _Text(state.material);
+    desc.label = rust::String::lossy(state.label);
     for (const HdOocPTSubsetState& subset : state.subsets) {
         // The new front end copies the mesh's binding to subsets that have none, such as those that only group faces.
         if (subset.material != state.material) {

@@ -13,6 +13,7 @@
 #include "scene/shapeReader.h"
 
 #include <cstdint>
+#include <string>
 #include <vector>
 
 namespace oocpt {
@@ -66,6 +67,7 @@ struct HdOocPTMeshState
     SdfPath material;
     std::vector<HdOocPTSubsetState> subsets;
     TfTokenVector categories;
+    std::string label;
 };
 
 /// Reads the dirty parts of a mesh, curves, points or a solid of revolution. Its subsets are children of it in `scene`.

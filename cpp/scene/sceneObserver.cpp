@@ -16,7 +16,7 @@ std::vector<_Row> _MakeTable()
 {
     const auto& tokens = *HdOocPTSceneTokens;
     const uint32_t computed = HdOocPTDirtyPoints | HdOocPTDirtyNormals | HdOocPTDirtyColor | HdOocPTDirtyOpacity;
-    return {
+    std::vector<_Row> table {
         { HdDataSourceLocator(tokens.xform), HdOocPTDirtyTransform },
         { HdDataSourceLocator(tokens.visibility), HdOocPTDirtyVisibility },
         { HdDataSourceLocator(tokens.purpose), HdOocPTDirtyPurpose },
@@ -58,6 +58,11 @@ std::vector<_Row> _MakeTable()
         { HdDataSourceLocator(tokens.renderSettings), HdOocPTDirtySettings },
         { HdDataSourceLocator(tokens.sceneGlobals), HdOocPTDirtySettings },
     };
+    for (const TfToken& label : HdOocPTLabelTokens->allTokens) {
+        table.emplace_back(
+            HdDataSourceLocator(tokens.primvars, label), uint32_t(HdOocPTDirtyLight | HdOocPTDirtyPrimvars));
+    }
+    return table;
 }
 
 /// Returns true if a locator touches primvars that no row of the table names.

@@ -77,10 +77,18 @@ PXR_NAMESPACE_OPEN_SCOPE
     (disableDepthOfField)(namespacedSettings)(dataType)(sourceName)(sourceType)(expandAperture)(cropAperture)         \
     (adjustApertureWidth)(adjustApertureHeight)(adjustPixelAspectRatio)(currentFrame)(focalLength)(projection)        \
     (horizontalAperture)(verticalAperture)(horizontalApertureOffset)(verticalApertureOffset)(clippingRange)
+
+/// Names of the label that lights and surfaces have in light path expressions: OocPT's own, then those of RenderMan,
+/// Karma and Arnold.
+#define HDOOCPT_LABEL_TOKENS                                                                                          \
+    ((lightGroup, "oocpt:lightGroup"))((riLightGroup, "ri:light:lightGroup"))                                         \
+    ((riGroup, "ri:attributes:identifier:lpegroup"))((karmaLightTag, "karma:light:lpetag"))                           \
+    ((karmaObjectTag, "karma:object:lpetag"))((arnoldAov, "arnold:aov"))
 // clang-format on
 
 TF_DECLARE_PUBLIC_TOKENS(HdOocPTSceneTokens, HDOOCPT_SCENE_TOKENS);
 TF_DECLARE_PUBLIC_TOKENS(HdOocPTProductTokens, HDOOCPT_PRODUCT_TOKENS);
+TF_DECLARE_PUBLIC_TOKENS(HdOocPTLabelTokens, HDOOCPT_LABEL_TOKENS);
 
 PXR_NAMESPACE_CLOSE_SCOPE
 

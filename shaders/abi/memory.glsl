@@ -11,6 +11,8 @@ layout(buffer_reference, scalar, buffer_reference_align = 8) buffer CountersBloc
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer StreamingBlock { StreamingPointers s; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer RouletteBlock { RouletteStats r; };
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer AdaptiveBlock { AdaptiveSampling a; };
+layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer PathAutomatonBlock { GpuPathAutomaton a; };
+layout(buffer_reference, scalar, buffer_reference_align = 4) buffer PathStatesBlock { GpuPathStates s; };
 layout(buffer_reference, scalar, buffer_reference_align = 8) buffer TextureFeedbackBlock { TextureFeedback t; };
 // Host memory that the host writes while passes run.
 layout(buffer_reference, scalar, buffer_reference_align = 4) volatile readonly buffer HostWords { uint v[]; };

@@ -26,6 +26,7 @@
 const float SHADOW_END = 0.9999995;
 
 #include "light/mesh.glsl"
+#include "light/path_states.glsl"
 
 // The data of a surface that the lights met by the ray leaving it need.
 struct PreviousVertex {
@@ -160,6 +161,12 @@ vec3 local_along(uint index, float chosen, vec3 o_hi, vec3 o_lo, vec3 d, float t
     return radiance * multiplied(light.diffuse, light.specular, from.diffuse) * ray_weight(from.pdf, other);
 }
 
+// Keeps apart what a local light that the ray has met adds.
+void add_local_part(uint index, vec3 light) {
+    const GpuLocalLight of = load_local_light(index);
+    add_light_part(EVENT_LIGHT, AUTOMATON.local_labels, index, of.diffuse, of.specular, light);
+}
+
 // The contribution of the local lights that the ray meets before t_end. `met`: at least one of them shines.
 vec3 lights_along(Double3 origin, vec3 d, float t_end, bool camera, PreviousVertex from, out bool met) {
     vec3 sum = vec3(0.0);
@@ -186,6 +193,7 @@ vec3 lights_along(Double3 origin, vec3 d, float t_end, bool camera, PreviousVert
                 local_along(reference & ~LIGHT_LEAF, probability, origin.hi, origin.lo, d, t_end, camera, from);
             met = met || max_component(light) > 0.0;
             sum += light;
+            if (HAS_PATH_EXPRESSIONS) add_local_part(reference & ~LIGHT_LEAF, light);
             if (top == 0u) break;
             --top;
             continue;
@@ -240,6 +248,10 @@ vec3 infinite_radiance(GpuInfiniteLight light, vec3 w, out float pdf) {
     return light.radiance;
 }
 
+uint infinite_event(uint kind) {
+    return kind == LIGHT_DISTANT ? EVENT_LIGHT : EVENT_DOME;
+}
+
 // The contribution of the lights at infinity to a ray that leaves the scene along d.
 vec3 lights_at_infinity(vec3 d, PreviousVertex from) {
     vec3 sum = vec3(0.0);
@@ -261,7 +273,11 @@ vec3 lights_at_infinity(vec3 d, PreviousVertex from) {
         } else {
             radiance *= ray_weight(from.pdf, chosen * pdf);
         }
-        sum += radiance * multiplied(light.diffuse, light.specular, from.diffuse);
+        const vec3 shown = radiance * multiplied(light.diffuse, light.specular, from.diffuse);
+        sum += shown;
+        if (HAS_PATH_EXPRESSIONS) {
+            add_light_part(infinite_event(kind), AUTOMATON.infinite_labels, i, light.diffuse, light.specular, shown);
+        }
     }
     return sum;
 }
@@ -274,7 +290,9 @@ vec3 domes_behind(vec3 d) {
         if (light_kind(light.flags) == LIGHT_DISTANT || (light.flags & LIGHT_CAMERA_VISIBLE) == 0u) continue;
         float pdf;
         turn_infinite_light(i);
-        sum += infinite_radiance(light, into_light_frame(d), pdf);
+        const vec3 radiance = infinite_radiance(light, into_light_frame(d), pdf);
+        sum += radiance;
+        if (HAS_PATH_EXPRESSIONS) add_light_part(EVENT_DOME, AUTOMATON.infinite_labels, i, 1.0, 1.0, radiance);
     }
     return sum;
 }

@@ -74,6 +74,10 @@ LightSample sample_local_light(Double3 origin, uint link_set, Receiver receiver,
     ls.shadow_link = light.shadow_link;
     ls.diffuse = light.diffuse;
     ls.specular = light.specular;
+    if (HAS_PATH_EXPRESSIONS) {
+        sampled_event = EVENT_LIGHT;
+        sampled_label = ConstUints(AUTOMATON.local_labels).v[index];
+    }
     ls.contribution = local_emission(light, q, -ls.direction);
     ls.thin = is_thin(kind);
     if (ls.thin) {
@@ -127,6 +131,10 @@ LightSample sample_infinite_light(const Bsdf bsdf, vec3 wo, uint link_set, float
     ls.shadow_link = light.shadow_link;
     ls.diffuse = light.diffuse;
     ls.specular = light.specular;
+    if (HAS_PATH_EXPRESSIONS) {
+        sampled_event = infinite_event(kind);
+        sampled_label = ConstUints(AUTOMATON.infinite_labels).v[index];
+    }
     const bool alone = last || is_shadow_only(light.flags);
     if (HAS_DOME_SHADOW_RAYS && kind == LIGHT_DOME) {
         ls.whole = true;
@@ -140,6 +148,13 @@ LightSample sample_infinite_light(const Bsdf bsdf, vec3 wo, uint link_set, float
             weight *= multiplied(light.diffuse, light.specular, diffuse_share(d, s));
         } else {
             weight *= light.diffuse;
+        }
+        if (HAS_PATH_EXPRESSIONS) {
+            sampled_sharp = !(pdf > 0.0);
+            vec3 d = vec3(0.0), s = vec3(0.0);
+            float unused;
+            if (pdf > 0.0) bsdf_evaluate_lobes(bsdf, wo, ls.direction, d, s, unused);
+            sampled_share = diffuse_share(d * light.diffuse, s * light.specular);
         }
         // Delta lobes of shadow-only lights are left to the rays.
         if (pdf > 0.0 || !alone) ls.contribution = light.radiance * weight / (alone ? chosen : 1.0 + chosen);
@@ -174,6 +189,10 @@ LightSample sample_near_mesh(Double3 origin, Receiver receiver, vec4 u, vec4 u_m
     LightSample ls = no_light_sample();
     if (!sample_mesh_light(receiver, origin, u, u_mesh, share, mesh_point)) return ls;
     ls.of_mesh = true;
+    if (HAS_PATH_EXPRESSIONS) {
+        sampled_event = EVENT_SURFACE;
+        sampled_label = prim_label(int(load_mesh_light(mesh_point.light).prim_id));
+    }
     ls.direction = mesh_point.direction;
     ls.distance = mesh_point.reach;
     ls.contribution = mesh_point.emission;
@@ -226,6 +245,7 @@ bool needs_bsdf(LightSample ls) {
 void finish_light_sample(inout LightSample ls, vec3 diffuse, vec3 specular, float density) {
     const bool alike = !HAS_LIGHT_LOBES || ls.diffuse == ls.specular;
     const vec3 f = alike ? (diffuse + specular) * ls.diffuse : diffuse * ls.diffuse + specular * ls.specular;
+    if (HAS_PATH_EXPRESSIONS) sampled_share = diffuse_share(diffuse * ls.diffuse, specular * ls.specular);
     if (is_looked_up(ls) && max_component(f) > 0.0) ls.contribution = point_emission(mesh_point, density);
     if (ls.thin) {
         ls.contribution = ls.contribution * f * ls.scale;

@@ -6,6 +6,7 @@
 
 #include "traversal/rays.glsl"
 #include "traversal/opacity_seed.glsl"
+#include "light/parts.glsl"
 
 // Returns true if roulette has ended the ray.
 bool is_ray_ended(uint path) {
@@ -37,6 +38,7 @@ void add_light(uint path) {
     if (walk.hit) contribution *= unpack_color(shadow_color);
     const vec4 before = ConstVec4s(FRAME.radiance).v[path];
     Vec4s(FRAME.radiance).v[path] = vec4(before.xyz + contribution, before.w);
+    if (HAS_PATH_EXPRESSIONS) add_light_parts(path, load_states(FRAME.shadow_states, path), contribution);
 }
 
 // Pushes paths that wait for their shadow ray only, and rays that wait.

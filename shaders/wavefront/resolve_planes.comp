@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Writes the filtered images so far: one thread per pixel. Reads: film (the number of samples),
-// FrameConstants::plane_sums. Writes: the planes of FrameConstants::aov that PlaneOffsets has. Adaptive: half of each
-// stream, as `resolve`. A pixel without a sample is clear.
+// FrameConstants::plane_sums. Writes: the planes of FrameConstants::aov that PlaneOffsets has, and light_images, which
+// are times the camera's exposure as `color`. Adaptive: half of each stream, as `resolve`. A pixel without a sample is
+// clear.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "wavefront/wavefront.glsl"
@@ -16,7 +17,7 @@ vec3 mean_of(uint pixel, uint first) {
     return vec3(plane_sum(pixel, first), plane_sum(pixel, first + 1u), plane_sum(pixel, first + 2u)) / samples;
 }
 
-void write_plane(uint64_t plane, uint first, uint pixel, vec3 clear) {
+void write_plane(uint64_t plane, uint first, uint pixel, vec3 clear, float scale) {
     if (first == NO_INDEX) return;
     const uint other = FRAME.width * FRAME.height + pixel;
     vec3 value = clear;
@@ -24,7 +25,7 @@ void write_plane(uint64_t plane, uint first, uint pixel, vec3 clear) {
         value = mean_of(pixel, first);
         if (HAS_ADAPTIVE && ConstFilm(FRAME.film).v[other].samples > 0u) value = 0.5 * (value + mean_of(other, first));
     }
-    Vec3s(plane).v[pixel] = value;
+    Vec3s(plane).v[pixel] = scale * value;
 }
 
 void main() {
@@ -32,10 +33,15 @@ void main() {
     if (pixel >= FRAME.width * FRAME.height) return;
     const PlaneOffsets at = FRAME.plane_at;
     const AovClear clear = FRAME.aov_clear;
-    write_plane(FRAME.aov.normal, at.normal, pixel, clear.normal);
-    write_plane(FRAME.aov.neye, at.neye, pixel, clear.neye);
-    write_plane(FRAME.aov.albedo, at.albedo, pixel, clear.albedo);
-    write_plane(FRAME.aov.position, at.position, pixel, clear.position);
-    write_plane(FRAME.aov.peye, at.peye, pixel, clear.peye);
-    write_plane(FRAME.aov.geometric_normal, at.geometric_normal, pixel, clear.geometric_normal);
+    write_plane(FRAME.aov.normal, at.normal, pixel, clear.normal, 1.0);
+    write_plane(FRAME.aov.neye, at.neye, pixel, clear.neye, 1.0);
+    write_plane(FRAME.aov.albedo, at.albedo, pixel, clear.albedo, 1.0);
+    write_plane(FRAME.aov.position, at.position, pixel, clear.position, 1.0);
+    write_plane(FRAME.aov.peye, at.peye, pixel, clear.peye, 1.0);
+    write_plane(FRAME.aov.geometric_normal, at.geometric_normal, pixel, clear.geometric_normal, 1.0);
+    if (!HAS_PATH_EXPRESSIONS) return;
+    for (uint i = 0u; i < FRAME.light_count; ++i) {
+        const uint first = FRAME.sum_words - 3u * (FRAME.light_count - i);
+        write_plane(FRAME.light_images[i], first, pixel, vec3(0.0), FRAME.exposure);
+    }
 }

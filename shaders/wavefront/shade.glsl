@@ -25,8 +25,25 @@ void add_met_lights(uint path, Ray ray, Surface surface, PathState state) {
     bool met;
     set_light_time(path);
     const vec3 lights = lights_along(origin, ray.d, t_end, camera, from, met);
-    if (met) add_radiance(path, clamp_contribution(path, state.throughput * lights, ray.bounce > 1u));
+    if (!met) return;
+    const vec3 contribution = state.throughput * lights;
+    const vec3 kept = clamp_contribution(path, contribution, ray.bounce > 1u);
+    add_radiance(path, kept);
+    if (HAS_PATH_EXPRESSIONS && begin_light_parts(path, ray.bounce, state.throughput, contribution, kept)) {
+        lights_along(origin, ray.d, t_end, camera, from, met);
+        end_light_parts();
+    }
 }
+
+// A random number of the surface for settled_states: the fourth scramble of the path's set.
+float settling_number(uint path, uint bounce) {
+    const uvec2 pixel = pixel_position(path_pixel(path));
+    const uint seed = pixel_seed(pixel.x, pixel.y, path_seed(path));
+    return sample_4d(path_sample(path), 1u + 2u * bounce, hash_u32(seed + 3u)).x;
+}
+
+// With PATH_EXPRESSIONS: the states at the end of the shadow ray.
+GpuPathStates shadow_states;
 
 // Stores the shadow ray, or adds its contribution if nothing can be in its way. Returns true if there is a ray.
 bool store_shadow_ray(uint path, Double3 origin, uint bounce, LightSample ls, vec3 throughput) {
@@ -34,8 +51,10 @@ bool store_shadow_ray(uint path, Double3 origin, uint bounce, LightSample ls, ve
     if (!(max_component(contribution) > 0.0)) return false;
     if ((ls.flags & LIGHT_NO_SHADOWS) != 0u) {
         add_radiance(path, contribution);
+        if (HAS_PATH_EXPRESSIONS) add_light_parts(path, shadow_states, contribution);
         return false;
     }
+    if (HAS_PATH_EXPRESSIONS) store_states(FRAME.shadow_states, path, shadow_states);
     const uint64_t to = shadow_ray_address(path);
     const uint linked = pack_shadow_bounce(bounce, ls.shadow_link);
     store_ray(to, Ray(origin.hi, linked, ls.direction, ls.distance, origin.lo, 0u));
@@ -69,6 +88,9 @@ vec3 way_around(const Bsdf bsdf, vec3 w, float offset) {
     return radius * (1.1 * normal_or(across, -bsdf.g) - bsdf.g);
 }
 
+// Whether the share of diffuse lobes in what a surface has scattered is used.
+const bool KEEPS_SHARES = HAS_LIGHT_LOBES || HAS_PATH_EXPRESSIONS;
+
 // Shades a hit: `asks` is set if a shadow ray was stored, `go_on` if the next ray was.
 void shade(uint path, out bool asks, out bool go_on) {
     asks = false;
@@ -79,6 +101,7 @@ void shade(uint path, out bool asks, out bool go_on) {
     const vec3 arrived = state.throughput;
     if (HAS_CUTOUTS && HAS_TEXTURES) store_next_cone(path, surface.cone, 0.0);
     if (ray.bounce == 0u) Vec4s(FRAME.radiance).v[path] = vec4(0.0, 0.0, 0.0, 1.0);
+    if (HAS_PATH_EXPRESSIONS && ray.bounce == 0u) clear_light_parts(path);
     if (HAS_LOCAL_LIGHTS) add_met_lights(path, ray, surface, state);
     const uint kinds = path_kinds(path, ray.bounce);
     const bool only_lights = only_looks_for_lights(ray.bounce, kinds);
@@ -94,8 +117,13 @@ void shade(uint path, out bool asks, out bool go_on) {
     if (HAS_EMISSION && max_component(shading.emission) > 0.0) {
         const float weight = HAS_MESH_LIGHTS ? emission_share(path, ray, surface, state.pdf) : 1.0;
         // As for other lights, light that shadow rays could find at bounce 0 is direct.
-        add_radiance(path, clamp_contribution(path, state.throughput * (shading.emission * weight),
-                                              ray.bounce > (HAS_MESH_LIGHTS ? 1u : 0u)));
+        const vec3 emitted = clamp_contribution(path, state.throughput * (shading.emission * weight),
+                                                ray.bounce > (HAS_MESH_LIGHTS ? 1u : 0u));
+        add_radiance(path, emitted);
+        if (HAS_PATH_EXPRESSIONS) {
+            add_light_parts(path, states_at_light(path_states(path, ray.bounce), EVENT_SURFACE,
+                                                  prim_label(surface.prim_id)), emitted);
+        }
     }
     if (only_lights) return;
     if (HAS_DISPERSION) state.throughput *= disperse(path, arrived, shading);
@@ -120,7 +148,7 @@ void shade(uint path, out bool asks, out bool go_on) {
     bool is_sampled = !last && bsdf_choose(bsdf, wo, u, wi, weight, pdf, evaluates);
     // A lobe sampled together with its density is Lambert; one without a density is sharp.
     vec3 share = vec3(0.0);
-    if (HAS_LIGHT_LOBES && is_sampled && !evaluates && pdf > 0.0) share = vec3(1.0);
+    if (KEEPS_SHARES && is_sampled && !evaluates && pdf > 0.0) share = vec3(1.0);
     // The light's direction and the next ray's share one copy of the BSDF's code, which is the largest part of this
     // pass.
     [[dont_unroll]] for (uint i = 0u; i < 2u; ++i) {
@@ -135,7 +163,7 @@ void shade(uint path, out bool asks, out bool go_on) {
         } else {
             pdf = density;
             is_sampled = bsdf_weigh(diffuse + specular, density, weight);
-            if (HAS_LIGHT_LOBES && density > 0.0) share = diffuse_share(diffuse, specular);
+            if (KEEPS_SHARES && density > 0.0) share = diffuse_share(diffuse, specular);
         }
     }
     const bool asks_beyond = HAS_BEYOND && dot(ls.direction, normal) < 0.0;
@@ -151,6 +179,14 @@ void shade(uint path, out bool asks, out bool go_on) {
             ls.direction = normal_or(rest, ls.direction);
         }
     }
+    uvec3 states = uvec3(0u);
+    uint label = 0u;
+    if (HAS_PATH_EXPRESSIONS) {
+        states = settled_states(path_states(path, ray.bounce), settling_number(path, ray.bounce));
+        label = prim_label(surface.prim_id);
+        shadow_states = states_at_light(scattered_states(states, asks_beyond, sampled_sharp, label, sampled_share),
+                                        sampled_event, sampled_label);
+    }
     asks = store_shadow_ray(path, ask_from, ray.bounce, ls, state.throughput);
     if (!is_sampled) return;
 
@@ -163,6 +199,9 @@ void shade(uint path, out bool asks, out bool go_on) {
     if (HAS_TEXTURES) store_next_cone(path, surface.cone, pdf);
     store_previous_vertex(path, packed_normal, link_set, share);
     const bool goes_beyond = HAS_BEYOND && dot(wi, normal) < 0.0;
+    if (HAS_PATH_EXPRESSIONS) {
+        store_states(FRAME.path_states, path, scattered_states(states, goes_beyond, !(pdf > 0.0), label, share));
+    }
     if (HAS_BOUNCE_KINDS) count_bounce(path, bsdf, u.z, goes_beyond, kinds);
     Double3 from = origin;
     if (goes_beyond) from = beyond;

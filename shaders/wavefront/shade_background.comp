@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Adds the light that rays which leave the scene meet: dome and distant lights, weighted against the shadow rays of the
 // bounce before. One thread per escaped ray, WavefrontCounters::escaped_args. Reads: escaped_queue, rays, paths,
-// lights. Writes: radiance of the ray's path; with streaming, segments.
+// lights. Writes: radiance of the ray's path, with PATH_EXPRESSIONS light_values; with streaming, segments.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "wavefront/wavefront.glsl"
@@ -23,7 +23,16 @@ void shade(uint path) {
             seen += domes_behind(ray.d);
             met = true;
         }
-        Vec4s(FRAME.radiance).v[path] = met ? vec4(clamp_contribution(path, seen, false), 1.0) : vec4(0.0);
+        const vec3 kept = met ? clamp_contribution(path, seen, false) : vec3(0.0);
+        Vec4s(FRAME.radiance).v[path] = met ? vec4(kept, 1.0) : vec4(0.0);
+        if (HAS_PATH_EXPRESSIONS) {
+            clear_light_parts(path);
+            if (begin_light_parts(path, 0u, vec3(1.0), seen, kept)) {
+                if (HAS_LOCAL_LIGHTS) lights_along(origin, ray.d, t_end, true, nowhere, met);
+                if (HAS_DOME && (FRAME.flags & FLAG_DOME_CAMERA_VISIBLE) != 0u) domes_behind(ray.d);
+                end_light_parts();
+            }
+        }
         return;
     }
     const PathState state = load_path(path);
@@ -33,6 +42,12 @@ void shade(uint path) {
     const vec3 contribution = clamp_contribution(path, state.throughput * sum, ray.bounce > 1u);
     const vec4 before = ConstVec4s(FRAME.radiance).v[path];
     Vec4s(FRAME.radiance).v[path] = vec4(before.xyz + contribution, before.w);
+    if (HAS_PATH_EXPRESSIONS &&
+        begin_light_parts(path, ray.bounce, state.throughput, state.throughput * sum, contribution)) {
+        lights_at_infinity(ray.d, from);
+        if (HAS_LOCAL_LIGHTS) lights_along(origin, ray.d, MAX_FLOAT, false, from, met);
+        end_light_parts();
+    }
 }
 
 void main() {

@@ -54,7 +54,19 @@ VARS = {
     "ids": var("ids", "primId", "int"),
     "N": var("N", "Nn", "normal3f"),
     "depth": var("depth", "z", "half"),
-    "indirect": var("indirect", "C<RD>L", "color3f", "lpe"),
+    "direct": var("direct", "C<RD>L", "color3f", "lpe"),
+    "indirect": var("indirect", "color lpe:C(<RD>.+)?[<L.>O]", "color3f"),
+    "wrong": var("wrong", "C<RQ>L", "color3f", "lpe"),
+    "volume": var("volume", "CV+L", "color3f", "lpe"),
+}
+# Lights of pure colours, each with its group as another renderer names it, or by a primvar; one has none.
+GROUPS = {
+    "ours": ("SphereLight", "(1, 0, 0)", 'string inputs:oocpt:lightGroup = "ours"'),
+    "primvar": ("DiskLight", "(0, 1, 0)", 'string primvars:oocpt:lightGroup = "primvar"'),
+    "ri": ("RectLight", "(0, 0, 1)", 'string inputs:ri:light:lightGroup = "ri"'),
+    "karma": ("DomeLight", "(1, 0, 0)", 'string inputs:karma:light:lpetag = "karma"'),
+    "arnold": ("DistantLight", "(0, 1, 0)", 'string primvars:arnold:aov = "arnold"'),
+    "default": ("SphereLight", "(0, 0, 1)", ""),
 }
 
 
@@ -120,21 +132,79 @@ def as_ids(pixels):
 @BOTH
 def test_layers_of_a_product_are_the_images_of_the_host(record, pool):
     products = {
-        "All": product("All", "all.<F4>.exr", ["beauty", "ids", "N", "depth", "indirect"]),
+        "All": product("All", "all.<F4>.exr", ["beauty", "ids", "N", "depth", "direct", "indirect", "wrong", "volume"]),
         "Deep": product("Deep", "deep.exr", more='token productType = "deepRaster"'),
     }
     flags = ["--products", "--enableDomeLightVisibility", "--frames", "7"]
     done, folder = record(stage(products), *flags, out="out.#.exr")
     layers, header = channels(folder / "all.0007.exr")
-    assert sorted(layers) == ["A", "B", "G", "N.X", "N.Y", "N.Z", "R", "Z", "ids"]
+    parts = [f"{name}.{channel}" for name in ["direct", "indirect", "volume"] for channel in "BGR"]
+    assert sorted(layers) == ["A", "B", "G", "N.X", "N.Y", "N.Z", "R", "Z", *parts[:3], "ids", *parts[3:]]
+    for name in "RGB":
+        both = layers[f"direct.{name}"] + layers[f"indirect.{name}"]
+        np.testing.assert_allclose(both, layers[name], rtol=1e-5, atol=1e-7)
+    assert (layers["indirect.R"] > 0).any() and not layers["volume.R"].any()
     expected = seen(pool.get("legacy"), aovs=("color", "primId", "normal", "cameraDepth"))
     compare.same_bits(np.stack([layers[name] for name in "RGBA"], -1), expected["color"], "colour")
     compare.same_bits(np.stack([layers[f"N.{name}"] for name in "XYZ"], -1), expected["normal"], "normals")
     assert (as_ids(layers["ids"]) == expected["primId"]).all() and (expected["primId"] >= 0).any()
     compare.same_bits(layers["Z"], expected["cameraDepth"].astype(np.float16), "depth as half floats")
     assert header["oocpt:samples"] == 4.0 and header["oocpt:frame"] == 7.0, header
-    assert "C<RD>L is not supported" in done.stderr and "/Settings/Deep" in done.stderr, done.stderr
+    assert "C<RQ>L: character 4: 'Q' is no event" in done.stderr and "no light path is of CV+L" in done.stderr
+    assert "/Settings/Deep" in done.stderr, done.stderr
     assert done.stderr.count("samples, ") == 1, f"the product is the host's picture: {done.stderr}"
+
+
+@BOTH
+def test_light_groups_by_the_names_of_each_renderer(record):
+    """Each group has the channel of its light's colour alone, and what has no label is in the default group."""
+    kinds = [
+        f'def {kind} "{name}"\n{{\n    color3f inputs:color = {color}\n    float inputs:intensity = 3\n    {label}\n'
+        f"    double3 xformOp:translate = ({at - 2}, 2, 4)\n"
+        f'    uniform token[] xformOpOrder = ["xformOp:translate"]\n}}\n'
+        for at, (name, (kind, color, label)) in enumerate(GROUPS.items())
+    ]
+    board = """
+    def Mesh "Board"
+    {
+        int[] faceVertexCounts = [4]
+        int[] faceVertexIndices = [0, 1, 2, 3]
+        point3f[] points = [(-9, -9, -2), (9, -9, -2), (9, 9, -2), (-9, 9, -2)]
+        color3f[] primvars:displayColor = [(0.5, 0.5, 0.5)]
+        string primvars:LABEL = "board"
+    }
+    """
+    more = {name: var(name, f"C.*<[LO].'{name}'>", "color3f", "lpe") for name in GROUPS}
+    more["board"] = var("board", "C<RD'board'>L", "color3f", "lpe")
+    for label in ["oocpt:lightGroup", "ri:attributes:identifier:lpegroup", "karma:object:lpetag"]:
+        own = {"All": product("All", "all.exr", ["beauty", *more])}
+        text = stage(own).replace(f"subLayers = [@{small.FOLDER}/cameras.usda@]", "").replace(
+            'def Scope "Vars"\n{', 'def Scope "Vars"\n{' + "".join(more.values()))
+        done, folder = record(text + "".join(kinds) + board.replace("LABEL", label), "--products")
+        layers, _ = channels(folder / "all.exr")
+        sums = {name: [layers[f"{name}.{channel}"].sum() for channel in "RGB"] for name in more}
+        for name, (_, color, _) in GROUPS.items():
+            expected = [number == "1" for number in color.strip("()").split(", ")]
+            assert [value > 0 for value in sums[name]] == expected, (name, sums, done.stderr)
+        for channel in "RGB":
+            everything = sum(layers[f"{name}.{channel}"] for name in GROUPS)
+            np.testing.assert_allclose(everything, layers[channel], rtol=1e-5, atol=1e-7)
+            assert 0 < layers[f"board.{channel}"].sum() <= layers[channel].sum(), "what the board's label shows"
+        if os.environ.get("OOCPT_TEST_FULL") is None:
+            break
+
+
+def test_parts_of_light_are_images_of_hosts(pool):
+    pictures = seen(pool.get("legacy"), aovs=("color", "lpe:C<RD>L", "lpe:C<RD>.+L", "lpe:CL"))
+    parts = [pictures[f"lpe:{name}"] for name in ["C<RD>L", "C<RD>.+L", "CL"]]
+    assert all(part.shape == (*SIZE[::-1], 3) for part in parts) and parts[0].any() and parts[1].any()
+    np.testing.assert_allclose(sum(parts), pictures["color"][..., :3], rtol=1e-5, atol=1e-7)
+
+
+def test_an_aov_that_is_no_expression_is_a_warning(pool):
+    picture = pool.get("legacy").picture(stage({}), SIZE, camera="/Eye", aovs=["color", "lpe:C<RD"])
+    told = [line for line in picture.log.splitlines() if "lpe:C<RD is left out" in line and "character 5" in line]
+    assert len(told) == 1 and picture["color"].any(), picture.log
 
 
 def test_every_policy_for_another_aspect_ratio(record, pool):

@@ -43,6 +43,14 @@ constants! {
     RAY_BYTES;
     SHADOW_RAY_BYTES;
     BOUNCE_KIND_BITS;
+    EVENT_COUNT = PathEvent::ALL.len() as u32;
+    EVENT_LIGHT = PathEvent::Light as u32;
+    EVENT_DOME = PathEvent::Dome as u32;
+    EVENT_SURFACE = PathEvent::Surface as u32;
+    EVENT_GLOSSY = PathEvent::GlossyReflection as u32;
+    EVENT_SHARP = PathEvent::SharpReflection as u32;
+    EVENT_TRANSMITS = PathEvent::DiffuseTransmission as u32;
+    PATH_STATES_BYTES;
     RAY_COUNT_SHIFT;
     SHADOW_LINK_SHIFT;
     SHADOW_BIT;

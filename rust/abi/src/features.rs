@@ -197,6 +197,8 @@ features! {
     BOUNCE_KINDS: "limits of bounces by kind", [], Never;
     /// The filter of the pixels is another than their square: `FrameConstants::pixel_filter` is used.
     PIXEL_FILTER: "pixel filter", [], Never;
+    /// Light is kept apart by light path expressions: `FrameConstants::automaton` is used.
+    PATH_EXPRESSIONS: "light path expressions", [], Never;
     /// Some material has the lobe that tests add.
     #[cfg(feature = "faults")]
     TOY_LOBE: "toy lobe", [MATERIALS], Never;

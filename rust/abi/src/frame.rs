@@ -397,6 +397,21 @@ shared! {
         pub sum_words: u32,
         /// Number of ids, of two words each, that follow.
         pub id_count: u32,
+        /// One [`crate::GpuPathAutomaton`]; 0 without `Features::PATH_EXPRESSIONS`, as the next three.
+        pub automaton: u64,
+        /// [`crate::GpuPathStates`] per path, of its closest ray. 8-byte aligned, as the next.
+        pub path_states: u64,
+        /// The same of its shadow ray, with what shines at its end.
+        pub shadow_states: u64,
+        /// f32x3 for each expression, every `light_stride` floats by path: the light of it that the path has met. In
+        /// core they are the last of `plane_values` that are summed; with `Features::STREAMING` they become so when the path ends.
+        pub light_values: u64,
+        /// Outputs of `resolve_planes`: f32x3 per pixel for each expression, as those of `aov`.
+        pub light_images: [u64; 32],
+        /// Floats from one path's `light_values` to the next one's.
+        pub light_stride: u32,
+        /// Number of expressions.
+        pub light_count: u32,
     }
 }
 

@@ -118,6 +118,8 @@ pub const LAYOUTS: &[StructLayout] = &[
     GpuChunkInstance::LAYOUT,
     Ray::LAYOUT,
     PathState::LAYOUT,
+    GpuPathAutomaton::LAYOUT,
+    GpuPathStates::LAYOUT,
     ShadowRay::LAYOUT,
     IndirectArgs::LAYOUT,
     WavefrontCounters::LAYOUT,

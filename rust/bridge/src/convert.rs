@@ -205,6 +205,7 @@ pub(crate) fn mesh(desc: ffi::MeshDesc, complaints: &mut ConversionWarnings) -> 
         material: optional_text(desc.material),
         subsets: complaints.subsets(desc.subsets),
         categories: desc.categories.into_iter().map(Arc::from).collect(),
+        label: optional_text(desc.label),
     }
 }
 
@@ -331,6 +332,7 @@ pub(crate) mod tests {
             material: String::new(),
             subsets: Vec::new(),
             categories: Vec::new(),
+            label: String::new(),
         }
     }
 
@@ -433,6 +435,7 @@ pub(crate) mod tests {
             ffi::SubsetDesc { path: "/m/b".into(), material: "/Looks/Blue".into(), faces: UniquePtr::null() },
         ];
         desc.categories = vec!["c".into()];
+        desc.label = "skin".into();
         let mut complaints = ConversionWarnings::default();
         let mesh = mesh(desc, &mut complaints);
         let names: Vec<&str> = mesh.primvars.iter().map(|primvar| &*primvar.name).collect();
@@ -443,5 +446,6 @@ pub(crate) mod tests {
         assert_eq!(mesh.subsets.len(), 1, "a subset without faces is none");
         assert_eq!(mesh.subsets[0].faces.index(0), Some(0), "its face");
         assert_eq!(&*mesh.categories[0], "c", "categories");
+        assert_eq!(mesh.label.as_deref(), Some("skin"), "the label");
     }
 }

@@ -259,6 +259,7 @@ mod ffi {
         material: String,
         subsets: Vec<SubsetDesc>,
         categories: Vec<String>,
+        label: String,
     }
 
     /// One prototype of an instancer and the instances that use it.
@@ -372,6 +373,7 @@ mod ffi {
         shadow_reach: [f32; 3],
         light_link: String,
         shadow_link: String,
+        label: String,
         color: [f32; 3],
         intensity: f32,
         exposure: f32,

@@ -73,6 +73,7 @@ pub(crate) fn light(mut desc: ffi::LightDesc) -> LightDesc {
         shadow_reach: shadow_reach(desc.shadow_reach),
         light_link: optional_text(desc.light_link),
         shadow_link: optional_text(desc.shadow_link),
+        label: optional_text(desc.label),
     }
 }
 
@@ -116,6 +117,7 @@ mod tests {
             shadow_reach: [-1.0, -1.0, 1.0],
             light_link: "/L.collection:lightLink".into(),
             shadow_link: String::new(),
+            label: "key".into(),
             color: [1.0; 3],
             intensity: 2.0,
             exposure: 1.0,
@@ -170,6 +172,7 @@ mod tests {
         let plain = light(light_desc(ffi::LightTag::Sphere));
         assert_eq!(plain.shaping, None, "no shaping");
         assert_eq!(plain.light_link.as_deref(), Some("/L.collection:lightLink"), "the category of the link");
+        assert_eq!(plain.label.as_deref(), Some("key"), "the light group");
         assert_eq!(plain.shadow_link, None, "an empty category is everything");
         assert!(!plain.shadow_enable, "shadows are off");
         assert_eq!((plain.diffuse, plain.specular), (0.5, 0.75), "multipliers");

@@ -21,6 +21,7 @@ pub mod inventory;
 pub mod material;
 pub mod mesh;
 pub mod partition;
+pub mod path_expression;
 pub mod pixel_filter;
 pub mod residency;
 pub mod scene;

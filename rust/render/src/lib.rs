@@ -39,6 +39,7 @@ pub use job::SessionOptions;
 pub use job::aov::{AovKind, AovRequest};
 pub use job::commits::CommitProgress;
 pub use job::edits::SceneEdit;
+pub use job::expression::ExpressionId;
 #[cfg(feature = "faults")]
 pub use job::faults::{CommitGate, FaultWitness, PlantedFaults};
 pub use job::forced_features::ForcedFeatures;

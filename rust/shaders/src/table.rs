@@ -24,7 +24,7 @@ pub struct PassCondition {
 pub enum PassImage {
     /// Some plane that is traced through pixel centres.
     PixelCentres,
-    /// Some plane that is a mean of what samples meet first.
+    /// Some plane that is a mean of what samples meet first, or of the light of a path expression.
     Filtered,
     /// Some plane that ranks the ids of what samples meet first.
     RankedIds,
@@ -131,7 +131,7 @@ passes! {
     /// Tests whether something is in the way of each shadow ray.
     IntersectShadow = INTERSECT_SHADOW, When::ALWAYS, Indirect(WavefrontCounters::SHADOW_ARGS),
         "`shadow_queue`, `shadow_rays`, scene; streaming: what waiting rays keep"
-        => "adds to `radiance`; pushes to `settle_queue[1]`; streaming: as `intersect_closest`";
+        => "adds to `radiance`, `light_values`; pushes to `settle_queue[1]`; streaming: as `intersect_closest`";
     /// Finds the closest hit of the rays whose hit depends on a cutout's texture.
     SettleClosest = SETTLE_CLOSEST, When::with(Features::DEFERRED_CUTOUTS),
         Indirect(WavefrontCounters::SETTLE_CLOSEST_ARGS),
@@ -141,7 +141,7 @@ passes! {
     SettleShadow = SETTLE_SHADOW, When::with(Features::DEFERRED_CUTOUTS),
         Indirect(WavefrontCounters::SETTLE_SHADOW_ARGS),
         "`settle_queue[1]`, `settle_hits[1]`, `shadow_rays`, scene, textures"
-        => "adds to `radiance`; requests of tiles";
+        => "adds to `radiance`, `light_values`; requests of tiles";
     /// Keeps the surfaces that rays met in this round.
     RecordSurfaces = RECORD_SURFACES, When::with(STREAMING), Indirect(WavefrontCounters::RAY_ARGS),
         "`ray_queue[r & 1]`, `hits`, scene" => "`surfaces` of hits found in this round";
@@ -156,11 +156,12 @@ passes! {
         "the same, and lights" => "the same; the last lookups are the emission of the light that will be asked";
     /// Adds the emission of lights at infinity to rays that leave the scene.
     ShadeBackground = SHADE_BACKGROUND, When::ALWAYS, Indirect(WavefrontCounters::ESCAPED_ARGS),
-        "`escaped_queue`, `rays`, `paths`, lights" => "adds to `radiance`; streaming: `progress`, `segments`, `free_slots`";
+        "`escaped_queue`, `rays`, `paths`, lights" => "adds to `radiance`, `light_values`; streaming: `progress`, `segments`, \
+            `free_slots`";
     /// Shades the surfaces that rays met: light, the next ray, a shadow ray.
     ShadeSurface = SHADE_SURFACE, When::ALWAYS, Indirect(WavefrontCounters::SURFACE_ARGS),
         "`surface_queue`, `rays`, `paths`, lights, and `hits` and scene, or with streaming `surfaces`"
-        => "`paths`, `rays`, `shadow_rays`; `radiance` at bounce 0; pushes to `shadow_queue`, \
+        => "`paths`, `rays`, `shadow_rays`, `path_states`, `shadow_states`; `radiance` and `light_values`; pushes to `shadow_queue`, \
             `ray_queue[(r + 1) & 1]`; streaming: as `shade_background`";
     /// Writes the planes that are traced through pixel centres, and what samples have for the filtered ones.
     ShadeAovs = SHADE_AOVS, When::image(PassImage::FirstHits), Direct("indirect `SURFACE_ARGS`, then `ESCAPED_ARGS`"),
@@ -183,7 +184,7 @@ passes! {
         "`film`" => "its plane of `FrameConstants::aov`";
     /// Writes the filtered planes.
     ResolvePlanes = RESOLVE_PLANES, When::image(PassImage::Filtered), Direct("`width * height`"),
-        "`plane_sums`, `film`" => "the filtered planes of `FrameConstants::aov`";
+        "`plane_sums`, `film`" => "the filtered planes of `FrameConstants::aov`, `light_images`";
     /// Writes the largest shares of each pixel by id.
     ResolveIds = RESOLVE_IDS, When::image(PassImage::RankedIds), Direct("`width * height`"),
         "`id_slots`, `film`" => "its planes of `FrameConstants::aov`";
@@ -216,7 +217,7 @@ passes! {
         "`demanded`, `demand`" => "pushes to `demand_list`; `demand` = 0";
     /// Moves the radiance of ended paths out of their slots.
     RetirePaths = RETIRE_PATHS, When::with(STREAMING), Indirect(WavefrontCounters::RETIRE_ARGS),
-        "`free_slots`, `places`, `radiance`" => "`ended_radiance`";
+        "`free_slots`, `places`, `radiance`, `light_values`" => "`ended_radiance`, `plane_values`";
     /// Estimates the level of radiance of the picture.
     RouletteLevel = ROULETTE_LEVEL, When::with(ROULETTE), Direct("64, for the last paths"),
         "`segments`, `ended_radiance`" => "`RouletteStats`";

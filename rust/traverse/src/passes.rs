@@ -4,11 +4,13 @@
 //! A thread takes blocks of a queue, one after the other. The results of a block are pushed to the queues with one
 //! atomic, as those of a subgroup are.
 
+mod light_parts;
 mod rays;
 
 #[cfg(target_arch = "x86_64")]
 use crate::InstructionSet;
 use crate::deferred_tests::{load_alpha_test, store_alpha_test};
+use crate::passes::light_parts::LightParts;
 use crate::passes::rays::{ClosestRays, QueuedRays, RayBlock, ShadowRays};
 use crate::pending::{ListedItems, PendingItem};
 use crate::scene::TraversalScene;
@@ -88,8 +90,9 @@ pub fn shadow(view: &HostView, push: PushConstants, special: TraversalConstants)
     let shared = PassContext::new(&scene, rays, [scene.streaming.shadow_pending, scene.streaming.shadow_alpha_tests]);
     let queue = view.bytes(scene.frame.shadow_queue);
     let radiance = view.words(scene.frame.radiance);
+    let parts = LightParts::new(&scene);
     let count = shared.counters.load(counter!(shadow_count));
-    shared.trace(count, &ShadowRays { shared: &shared, queue, radiance });
+    shared.trace(count, &ShadowRays { shared: &shared, queue, radiance, parts });
     Ok(())
 }
 
@@ -252,7 +255,13 @@ impl<'s, 'v> PassContext<'s, 'v> {
     }
 
     /// Adds the contribution of the light if nothing shadows it, or in shadow the share that its shadow colour leaves.
-    fn add_light(&self, at: usize, path: u32, hit: bool, waits: bool, radiance: HostWords<'v>) {
+    fn add_light(
+        &self,
+        (at, path): (usize, u32),
+        (hit, waits): (bool, bool),
+        radiance: HostWords<'v>,
+        parts: Option<&LightParts<'v>>,
+    ) {
         let color = self.rays.load(at + RAY_WORD_IN_SHADOW as usize);
         if if hit { color == 0 } else { waits } {
             return;
@@ -264,6 +273,9 @@ impl<'s, 'v> PassContext<'s, 'v> {
         let to = path as usize * 4;
         for (i, more) in light.0.into_iter().enumerate() {
             radiance.store(to + i, (f32::from_bits(radiance.load(to + i)) + more).to_bits());
+        }
+        if let Some(parts) = parts {
+            parts.add(path, light);
         }
     }
 }

@@ -51,6 +51,7 @@ impl Default for MeshDesc {
             material: None,
             subsets: Vec::new(),
             categories: Vec::new(),
+            label: None,
         }
     }
 }
@@ -93,6 +94,7 @@ impl Default for LightDesc {
             shadow_reach: None,
             light_link: None,
             shadow_link: None,
+            label: None,
         }
     }
 }

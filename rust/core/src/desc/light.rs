@@ -165,4 +165,6 @@ pub struct LightDesc {
     pub light_link: Option<Arc<str>>,
     /// Category of the prims that shadow it; `None` or empty: all.
     pub shadow_link: Option<Arc<str>>,
+    /// Label in light path expressions: its light group; `None` or empty: none.
+    pub label: Option<Arc<str>>,
 }

@@ -156,6 +156,8 @@ pub struct MeshDesc {
     pub subsets: Vec<SubsetDesc>,
     /// Collections of light linking that the prim is in (`categories` of Hydra).
     pub categories: Vec<Arc<str>>,
+    /// Label in light path expressions; `None` or empty: none.
+    pub label: Option<Arc<str>>,
 }
 
 impl MeshDesc {

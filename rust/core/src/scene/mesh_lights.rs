@@ -29,10 +29,12 @@ use crate::material::{InputValue, Material, NEUTRAL};
 pub const MESH_LIGHT: &str = "/{light}";
 
 /// A mesh's light.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct MeshLight {
     radiance: [f32; 3],
     sync: MaterialSync,
+    /// Label in light path expressions.
+    pub(crate) label: Option<Arc<str>>,
 }
 
 /// The mesh lights among `lights`, by the path of their meshes.
@@ -56,7 +58,7 @@ pub(crate) fn mesh_lights(
         if !left_out.is_empty() {
             reports.note(mesh, format!("as a light it does not support {}", left_out.join(", ")));
         }
-        found.insert(mesh.clone(), MeshLight { radiance, sync });
+        found.insert(mesh.clone(), MeshLight { radiance, sync, label: desc.label.clone() });
     }
     found
 }

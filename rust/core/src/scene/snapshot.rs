@@ -64,6 +64,9 @@ pub struct SurfaceTables {
     /// Material of each slot, or `NO_MATERIAL`. A triangle's slot is that of its prim's record plus its subset number
     /// ([`MeshAsset::subsets`]).
     pub material_slots: Vec<u32>,
+    /// Labels in light path expressions by prim id + 1; empty if no prim has one, and may be shorter than the largest
+    /// id.
+    pub labels: Vec<Option<Arc<str>>>,
     /// Collections that prims are in, sorted; the first is empty.
     pub category_sets: Vec<Vec<Arc<str>>>,
 }

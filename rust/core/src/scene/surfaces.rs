@@ -289,12 +289,16 @@ impl SurfaceStore {
             }
             let record = PrimRecord::default();
             tables.add(path, entry.desc.prim_id, (record, entry.desc.categories.clone(), slots), reports);
+            let of_light = lights.get(path).and_then(|light| light.label.clone());
+            tables.set_label(entry.desc.prim_id, of_light.or_else(|| entry.desc.label.clone()));
         }
         for prim in linked.list() {
             let (Some(slots), Some(entry)) = (linked_slots.get(&prim.path), meshes.get(&prim.path)) else { continue };
             let record = PrimRecord { shown_as: Some(entry.desc.prim_id), ..PrimRecord::default() };
             let categories = entry.desc.categories.iter().chain(prim.categories.iter()).cloned().collect();
             tables.add(&prim.path, prim.prim_id, (record, categories, slots.clone()), reports);
+            let of_light = lights.get(&prim.path).and_then(|light| light.label.clone());
+            tables.set_label(prim.prim_id, of_light.or_else(|| entry.desc.label.clone()));
         }
         tables
     }
@@ -333,6 +337,17 @@ impl SurfaceStore {
 }
 
 impl SurfaceTables {
+    /// Notes the label of a prim; ids out of range have none.
+    fn set_label(&mut self, prim_id: i32, label: Option<Arc<str>>) {
+        let Some(label) = label.filter(|label| !label.is_empty()) else { return };
+        let index = usize::try_from(i64::from(prim_id) + 1).ok().filter(|&index| index <= MAX_PRIM_ID as usize);
+        let Some(index) = index else { return };
+        if self.labels.len() <= index {
+            self.labels.resize(index + 1, None);
+        }
+        self.labels[index] = Some(label);
+    }
+
     /// Adds the bindings of one mesh: its record as far as it is known, its collections, its slots.
     fn add(
         &mut self,
@@ -396,10 +411,11 @@ impl SurfaceTables {
         self.materials.iter().map(|material| material.lookups()).max().unwrap_or(0)
     }
 
-    /// Clears tables without content: without a material there are no prims, unless some is in a collection.
+    /// Clears tables without content: without a material there are no prims, unless some is in a collection. Labels
+    /// stay.
     pub(crate) fn trim(&mut self) {
         if self.materials.is_empty() && self.category_sets.len() <= 1 {
-            *self = Self::default();
+            *self = Self { labels: std::mem::take(&mut self.labels), ..Self::default() };
         }
     }
 
@@ -411,6 +427,7 @@ impl SurfaceTables {
             && self.prims == other.prims
             && self.material_slots == other.material_slots
             && self.category_sets == other.category_sets
+            && self.labels == other.labels
     }
 
     /// Checks every invariant of the tables.

@@ -19,6 +19,8 @@ mod mesh;
 #[cfg(test)]
 mod partition;
 #[cfg(test)]
+mod path_expression;
+#[cfg(test)]
 mod residency;
 #[cfg(test)]
 mod scene;

@@ -18,11 +18,11 @@ use crate::device::PassSpecialisation;
 use crate::error::RenderError;
 use crate::film::filtered::FilteredPlanes;
 use crate::frame::block::frame_block;
-use crate::frame::camera_blocks;
 use crate::frame::context::{FrameContext, is_cpu, limits_kinds, maps_host};
 use crate::frame::inventory::{self, CompiledPasses};
 use crate::frame::progress::FrameProgress;
 use crate::frame::specialise;
+use crate::frame::{automaton_block, camera_blocks};
 use crate::job::shared::FrameGate;
 use crate::job::timings::RenderTimings;
 use crate::wave::LAST_SLOT;
@@ -52,6 +52,8 @@ pub(crate) struct WavefrontTracer<'a> {
     can_cancel: bool,
     /// Keys of a camera that moves, its clipping planes, the filter of its pixels: the frame block has their addresses.
     _camera: [Option<Buffer>; 3],
+    /// The automaton of light path expressions.
+    _automaton: Option<Buffer>,
 }
 
 /// What a frame is compiled for.
@@ -83,6 +85,7 @@ impl CompiledFeatures {
         needed.set(Features::CLIPPING, !context.clip_planes.is_empty());
         needed.set(Features::ADAPTIVE, film.adaptive().is_some());
         needed.set(Features::PIXEL_FILTER, film.has_color() && !job.settings.filter().is_plain());
+        needed.set(Features::PATH_EXPRESSIONS, film.light_words() > 0);
         needed.set(Features::BOUNCE_KINDS, limits_kinds(&job.settings));
         needed.set(Features::STREAMING, streams);
         // While streaming a ray waits for the texture of a cutout as it does for chunks.
@@ -133,6 +136,7 @@ impl<'a> WavefrontTracer<'a> {
         let mut block = frame_block(context, view);
         [block.bsdf_tables, block.sheen_tables] = device.bsdf_tables(features)?; // before the list of what there is
         let camera = camera_blocks::upload(context, features, &mut block, &mut listed)?;
+        let automaton = automaton_block::upload(context, &mut block, &mut listed)?;
         let inventory =
             inventory::of_frame(context, CompiledPasses { passes: &passes, special, carried, backend }, listed);
         progress.made_of(specialise::left_out(features, film.has_planes()), inventory);
@@ -146,7 +150,18 @@ impl<'a> WavefrontTracer<'a> {
         }
         frame.write(0, bytemuck::bytes_of(&block))?;
         let written = paths.written();
-        Ok(Self { context, paths, passes, special, backend, written, frame, can_cancel, _camera: camera })
+        Ok(Self {
+            context,
+            paths,
+            passes,
+            special,
+            backend,
+            written,
+            frame,
+            can_cancel,
+            _camera: camera,
+            _automaton: automaton,
+        })
     }
 
     /// Has rounds that the device has not begun do nothing, for a picture that is given up; false if it cannot.

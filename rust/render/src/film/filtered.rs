@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Images that are filtered with the samples: for each the mean over a pixel's samples of what they meet first, or the
-//! ids of that, ranked by their weights.
+//! Images that are filtered with the samples: for each the mean over a pixel's samples of what they meet first, or of
+//! the light that they meet on the paths of an expression, or the ids of what they meet first, ranked by their number.
+//! Values lie in this order.
 //!
 //! A sample leaves its values for all of them, one after the other, at its path or, while streaming, at its place in a
 //! segment; before its light is added to the film they are added to the sums of its pixel, in the same order. So their
 //! bits depend on budget and schedule as little as those of the colour. Without such an image there is nothing of it.
 
 use crate::job::aov::AovKind;
+use crate::job::expression::ExpressionId;
 use oocpt_abi::{FrameConstants, ID_SLOTS, IdSlot, PlaneOffsets, PlaneSum};
 use oocpt_gpu::{Buffer, BufferUsage, Gpu, GpuError};
 use std::sync::Arc;
@@ -57,10 +59,11 @@ impl SampleWords {
     }
 }
 
-/// Those of `kinds` that are made of samples' first hits: means if `filters`, and ranks of ids.
+/// Those of `kinds`, which are sorted, that samples have values for, in the order of these; `filters`: with means of
+/// first hits.
 pub(crate) fn filtered(kinds: &[AovKind], filters: bool) -> Vec<AovKind> {
-    let means = kinds.iter().copied().filter(|kind| filters && kind.is_filterable());
-    means.chain(kinds.iter().copied().filter(|kind| kind.ranks_ids())).collect()
+    let of_samples = || kinds.iter().copied().filter(|kind| kind.is_of_samples(filters));
+    of_samples().filter(|kind| !kind.ranks_ids()).chain(of_samples().filter(|kind| kind.ranks_ids())).collect()
 }
 
 /// Bytes of the sums and slots of a film of so many records.
@@ -89,6 +92,16 @@ impl FilteredPlanes {
         &self.kinds
     }
 
+    /// The light path expressions among them.
+    pub(crate) fn expressions(&self) -> Vec<ExpressionId> {
+        self.kinds.iter().filter_map(|kind| kind.expression()).collect()
+    }
+
+    /// Whether some of them are of what samples meet first.
+    pub(crate) fn has_first_hits(&self) -> bool {
+        self.kinds.iter().any(|kind| kind.is_filterable() || kind.ranks_ids())
+    }
+
     /// Values of a sample.
     pub(crate) fn words(&self) -> u32 {
         self.sample.all()
@@ -110,6 +123,7 @@ impl FilteredPlanes {
         frame.id_slots = if self.has_ids() { self.sums.address() + self.slots_at } else { 0 };
         frame.plane_words = self.sample.all();
         (frame.sum_words, frame.id_count) = (self.sample.summed, self.sample.ids);
+        frame.light_count = u32::try_from(self.expressions().len()).unwrap_or(0);
         let mut at = 0;
         for kind in &self.kinds {
             if let Some(first) = offset(&mut frame.plane_at, *kind) {
@@ -141,7 +155,8 @@ fn offset(at: &mut PlaneOffsets, kind: AovKind) -> Option<&mut u32> {
         | AovKind::SampleCount
         | AovKind::Variance
         | AovKind::Error
-        | AovKind::Denoised => None,
+        | AovKind::Denoised
+        | AovKind::Light(_) => None,
     }
 }
 

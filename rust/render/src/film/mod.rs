@@ -17,6 +17,7 @@ use crate::film::adaptive::AdaptiveBuffers;
 use crate::film::filtered::FilteredPlanes;
 use crate::job::RenderJob;
 use crate::job::aov::{AovKind, AovRequest};
+use crate::job::expression::ExpressionId;
 use crate::job::publish::{PictureExtent, PublishedImages};
 use crate::job::request::RenderRequest;
 use crate::job::window::{FilmWindow, PictureLayout};
@@ -135,13 +136,13 @@ impl Film {
     ) -> Result<Self, GpuError> {
         let (pixels, kinds) = (request.pixels(), request.kinds());
         let has_light = kinds.iter().any(|kind| kind.is_of_light());
-        let first_hits = filtered::filtered(&kinds, filtered);
-        let has_color = has_light || !first_hits.is_empty();
+        let of_samples = filtered::filtered(&kinds, filtered);
+        let has_color = has_light || !of_samples.is_empty();
         let parts = error_groups(pixels) as usize * size_of::<ErrorSums>();
         let adaptive = (has_light && adaptive).then(|| AdaptiveBuffers::new(gpu, pixels)).transpose()?;
         let film_bytes = film_bytes(pixels, adaptive.is_some());
         let records = film_bytes / size_of::<FilmPixel>() as u64;
-        let filtered = FilteredPlanes::new(gpu, first_hits, records)?;
+        let filtered = FilteredPlanes::new(gpu, of_samples, records)?;
         // The shader of the exact sums counts on the largest number of parts.
         let exact = (has_light && exact).then(|| film_bytes + u64::from(ERROR_GROUPS * ERROR_SUMS_BYTES));
         let exact_end = exact.map(|at| at + pixels * size_of::<ExactPixel>() as u64);
@@ -180,7 +181,7 @@ impl Film {
     /// Whether these images serve `request` too, wherever its window is.
     pub(crate) fn fits(&self, request: &RenderRequest, FilmSums { adaptive, exact, filtered }: FilmSums) -> bool {
         let same = self.pixels == request.pixels() && self.kinds == request.kinds();
-        let filters = !filtered::filtered(&self.kinds, filtered).is_empty();
+        let filters = self.kinds.iter().any(|kind| kind.is_of_samples(filtered));
         same && self.exact.is_some() == (exact && self.has_light())
             && self.adaptive.is_some() == (adaptive && self.has_light())
             && self.filtered.is_some() == filters
@@ -244,6 +245,21 @@ impl Film {
     /// The images that are filtered with the samples.
     pub(crate) fn filtered(&self) -> Option<&FilteredPlanes> {
         self.filtered.as_ref()
+    }
+
+    /// The light path expressions that images are wanted of, in the order of their values.
+    pub(crate) fn expressions(&self) -> Vec<ExpressionId> {
+        self.filtered.as_ref().map_or_else(Vec::new, FilteredPlanes::expressions)
+    }
+
+    /// Values that a sample has for these.
+    pub(crate) fn light_words(&self) -> u32 {
+        u32::try_from(3 * self.expressions().len()).unwrap_or(0)
+    }
+
+    /// Whether some image is filtered of what samples meet first.
+    pub(crate) fn filters_first_hits(&self) -> bool {
+        self.filtered.as_ref().is_some_and(FilteredPlanes::has_first_hits)
     }
 
     /// Values that a sample has for filtered images.
@@ -318,6 +334,9 @@ impl Film {
                 }
             }
         }
+        for (kind, plane) in self.planes.iter().filter(|(kind, _)| kind.expression().is_some()) {
+            inventory.add(&format!("image {}", kind.name()), plane.size());
+        }
         match &self.adaptive {
             Some(adaptive) => adaptive.buffers().for_each(|buffer| inventory.add(buffer.name(), buffer.size())),
             None => inventory.leave_out("adaptive sampling", 160 * self.pixels),
@@ -344,9 +363,13 @@ impl Film {
             filtered.bind(frame);
         }
         frame.adaptive = self.adaptive.as_ref().map_or(0, AdaptiveBuffers::address);
+        let parts = self.planes.iter().filter(|(kind, _)| kind.expression().is_some());
+        for ((_, plane), address) in parts.zip(&mut frame.light_images) {
+            *address = plane.address();
+        }
         for (kind, plane) in &self.planes {
             let address = match kind {
-                AovKind::Color | AovKind::Denoised => continue,
+                AovKind::Color | AovKind::Denoised | AovKind::Light(_) => continue,
                 AovKind::Depth => &mut frame.aov.depth,
                 AovKind::CameraDepth => &mut frame.aov.camera_depth,
                 AovKind::PrimId => &mut frame.aov.prim_id,
@@ -497,8 +520,8 @@ fn bind_clear(frame: &mut FrameConstants, aov: &AovRequest) {
         AovKind::Position => frame.aov_clear.position = [x, y, z],
         AovKind::Peye => frame.aov_clear.peye = [x, y, z],
         AovKind::GeometricNormal => frame.aov_clear.geometric_normal = [x, y, z],
-        // Every pixel has one.
-        AovKind::SampleCount | AovKind::Variance | AovKind::Error | AovKind::Denoised => {}
+        // Every pixel has one, and light that is not there is 0.
+        AovKind::SampleCount | AovKind::Variance | AovKind::Error | AovKind::Denoised | AovKind::Light(_) => {}
         // Nothing is no id.
         AovKind::CryptoObject | AovKind::CryptoMaterial => {}
     }

@@ -38,6 +38,8 @@ pub(crate) fn path_needs(context: &FrameContext<'_>, textures: bool, deferred_cu
         deferred_cutouts,
         bounce_kinds: limits_kinds(&context.job.settings),
         plane_words: context.film.plane_words(),
+        light_words: 0,
+        path_states: context.film.light_words() > 0,
     }
 }
 

@@ -2,6 +2,7 @@
 //! The context of a frame: camera and frame block, the features that passes are compiled for, paths in flight and the
 //! sizes of waves, progress. Path sources and passes use it; it uses none of them.
 
+pub(crate) mod automaton_block;
 pub(crate) mod block;
 pub(crate) mod camera_blocks;
 pub(crate) mod checkpoint;

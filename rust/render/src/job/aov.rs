@@ -6,22 +6,28 @@
 //! image is traced once through pixel centres with a pinhole camera, so that ids and depth are exact and do not depend
 //! on sampling.
 
+use crate::job::expression::ExpressionId;
+
 macro_rules! aov_kinds {
     ($($(#[doc = $doc:literal])+ $name:ident: $token:literal, $channels:literal;)+) => {
         /// One kind of image: tightly packed, native endian, bottom row first.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
         pub enum AovKind {
             $($(#[doc = $doc])+ $name,)+
+            /// The part of `Color` that a light path expression is of, without alpha; f32.
+            Light(ExpressionId),
         }
 
         impl AovKind {
-            /// Every kind, in the order of the enum.
+            /// Every kind but the parts of light, in the order of the enum.
             pub const ALL: [Self; [$(Self::$name),+].len()] = [$(Self::$name),+];
 
-            /// Hydra's token for this image (`HdAovTokens`, and names of our own for what it has none for).
+            /// Hydra's token for this image (`HdAovTokens`, and names of our own for what it has none for); one for all
+            /// parts of light.
             pub fn token(self) -> &'static str {
                 match self {
                     $(Self::$name => $token,)+
+                    Self::Light(_) => "light",
                 }
             }
 
@@ -29,6 +35,7 @@ macro_rules! aov_kinds {
             pub fn channels(self) -> usize {
                 match self {
                     $(Self::$name => $channels,)+
+                    Self::Light(_) => 3,
                 }
             }
         }
@@ -82,9 +89,31 @@ aov_kinds! {
 }
 
 impl AovKind {
-    /// The kind named by Hydra's token, if OocPT renders it.
+    /// The kind named by Hydra's token, if OocPT renders it; behind `lpe:` a light path expression.
     pub fn from_token(token: &str) -> Option<Self> {
+        if token.starts_with("lpe:") {
+            return ExpressionId::of(token).map(Self::Light).ok();
+        }
         Self::ALL.into_iter().find(|kind| kind.token() == token)
+    }
+
+    /// The token, or `lpe:` and the expression.
+    pub fn name(self) -> String {
+        match self {
+            Self::Light(expression) => format!("lpe:{}", expression.text()),
+            kind => kind.token().to_owned(),
+        }
+    }
+
+    /// The light path expression whose image it is.
+    pub(crate) fn expression(self) -> Option<ExpressionId> {
+        if let Self::Light(expression) = self { Some(expression) } else { None }
+    }
+
+    /// Whether the image is of values that samples have beside their light; `filters`: as
+    /// [`oocpt_core::settings::Settings::filter_aovs`] says.
+    pub(crate) fn is_of_samples(self, filters: bool) -> bool {
+        filters && self.is_filterable() || self.expression().is_some() || self.ranks_ids()
     }
 
     /// Whether the image is the mean over a pixel's samples of what each meets first, where
@@ -99,9 +128,10 @@ impl AovKind {
         matches!(self, Self::CryptoObject | Self::CryptoMaterial)
     }
 
-    /// Whether the image says something of the samples of `Color`.
+    /// Whether the image says something of the samples of `Color`, or is a part of it.
     pub(crate) fn is_of_light(self) -> bool {
-        matches!(self, Self::Color | Self::Denoised | Self::SampleCount | Self::Variance | Self::Error)
+        let tells = matches!(self, Self::Denoised | Self::SampleCount | Self::Variance | Self::Error);
+        tells || matches!(self, Self::Color | Self::Light(_))
     }
 
     /// Hydra's usual value of a pixel that nothing covers.
@@ -138,6 +168,9 @@ mod tests {
         for kind in AovKind::ALL {
             assert_eq!(AovKind::from_token(kind.token()), Some(kind), "{kind:?} does not round trip");
         }
+        let part = AovKind::from_token("lpe:C <RD> L").expect("an expression");
+        assert_eq!((part.name().as_str(), AovKind::from_token(&part.name())), ("lpe:C<RD>L", Some(part)));
+        assert_eq!(AovKind::from_token("lpe:C<"), None, "no expression");
         assert_eq!(AovKind::from_token("primvars:st"), None, "an unknown token must not map to a kind");
     }
 

@@ -4,6 +4,7 @@
 pub(crate) mod aov;
 pub(crate) mod commits;
 pub(crate) mod edits;
+pub(crate) mod expression;
 #[cfg(feature = "faults")]
 pub(crate) mod faults;
 pub(crate) mod forced_features;

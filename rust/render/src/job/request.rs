@@ -3,6 +3,7 @@
 
 use crate::error::RenderError;
 use crate::job::aov::{AovKind, AovRequest};
+use crate::job::expression::fit_together;
 use crate::job::window::{PictureLayout, PixelWindow};
 use oocpt_core::camera::Camera;
 
@@ -63,14 +64,32 @@ impl RenderRequest {
     }
 
     /// Whether samples of `have` are samples of this request too: other images may be wanted of the same view, but the
-    /// same ones that are filtered with the samples, if `filters`, and light of both or of neither.
+    /// same ones that are summed with the samples (`filters`: filtered ones are), and light of both or of neither.
     pub(crate) fn has_samples_of(&self, have: &Self, filters: bool) -> bool {
         let view = |of: &Self| Self { aovs: Vec::new(), ..of.clone() };
         let has_light = |of: &Self| of.aovs.iter().any(|aov| aov.kind.is_of_light());
-        let is_filtered = |aov: &&AovRequest| filters && aov.kind.is_filterable() || aov.kind.ranks_ids();
+        let is_filtered = |aov: &&AovRequest| aov.kind.is_of_samples(filters);
         view(self) == view(have)
             && has_light(self) == has_light(have)
             && self.aovs.iter().filter(is_filtered).eq(have.aovs.iter().filter(is_filtered))
+    }
+
+    /// Leaves out images of light path expressions beyond those that one automaton has room for; returns them.
+    pub(crate) fn keep_expressions(&mut self) -> Vec<AovKind> {
+        let (mut kept, mut left) = (Vec::new(), Vec::new());
+        self.aovs.retain(|aov| {
+            let Some(expression) = aov.kind.expression().filter(|expression| !kept.contains(expression)) else {
+                return true;
+            };
+            kept.push(expression);
+            let fits = fit_together(&kept).is_ok();
+            if !fits {
+                kept.pop();
+                left.push(aov.kind);
+            }
+            fits
+        });
+        left
     }
 
     /// Where the pixels go in the images.

@@ -54,6 +54,10 @@ pub(crate) struct LightTable {
     pub(crate) local_reaches: Vec<[f32; 4]>,
     /// The reach of the shadows of each light at infinity.
     pub(crate) infinite_reaches: Vec<[f32; 4]>,
+    /// Label of each local light in light path expressions.
+    pub(crate) local_labels: Vec<Option<Arc<str>>>,
+    /// Label of each light at infinity.
+    pub(crate) infinite_labels: Vec<Option<Arc<str>>>,
     /// The features that the passes are compiled for.
     pub(crate) features: Features,
     /// Meshes that emit light.
@@ -125,6 +129,8 @@ impl LightTable {
             }
             table.add_motion(light, counts);
             table.add_reach(light, counts);
+            table.local_labels.resize(table.locals.len(), light.label.clone());
+            table.infinite_labels.resize(table.infinite.len(), light.label.clone());
         }
         if lights.iter().all(|light| light.shadow_reach.is_none()) {
             (table.local_reaches, table.infinite_reaches) = (Vec::new(), Vec::new());

@@ -203,6 +203,7 @@ fn make_buffers(
         visits: maps_host(device, &job.settings),
         bounce_kinds: limits_kinds(&job.settings),
         plane_words: context.film.plane_words(),
+        light_words: context.film.light_words(),
     };
     let most = if leaves_soon(job) { MIN_PATHS } else { most_paths(context) };
     let paths = job.request.pixels() * u64::from(job.settings.samples_per_pixel);

@@ -32,6 +32,8 @@ pub(crate) struct StreamingNeeds {
     pub(crate) bounce_kinds: bool,
     /// Values that a sample has for filtered images.
     pub(crate) plane_words: u32,
+    /// Of these, values of light path expressions.
+    pub(crate) light_words: u32,
 }
 
 impl StreamingNeeds {

@@ -4,7 +4,8 @@
 //! [`PathArray`] lists them: allocation, the estimate of memory and the inventory are derived from it.
 
 use oocpt_abi::{
-    FrameConstants, LIGHT_PATH_BYTES, MAX_LEVELS, PathState, Ray, ShadowRay, WavefrontCounters, hit_stride,
+    FrameConstants, GpuPathStates, LIGHT_PATH_BYTES, MAX_LEVELS, PathState, Ray, ShadowRay, WavefrontCounters,
+    hit_stride,
 };
 use oocpt_core::inventory::RenderInventory;
 use oocpt_gpu::{Buffer, BufferUsage, Gpu, GpuError};
@@ -33,6 +34,10 @@ pub(crate) struct PathNeeds {
     pub(crate) bounce_kinds: bool,
     /// Values that a sample has for filtered images, in core: while streaming they are in the segments.
     pub(crate) plane_words: u32,
+    /// Values of light path expressions, while streaming: in core they are among those of filtered images.
+    pub(crate) light_words: u32,
+    /// States of paths, and of shadow rays, in the automaton of light path expressions.
+    pub(crate) path_states: bool,
 }
 
 impl PathNeeds {
@@ -70,10 +75,13 @@ enum PathArray {
     SettleHits,
     BounceKinds,
     PlaneValues,
+    LightValues,
+    PathStates,
+    ShadowStates,
 }
 
 impl PathArray {
-    const ALL: [Self; 17] = [
+    const ALL: [Self; 20] = [
         Self::Rays,
         Self::ShadowRays,
         Self::Hits,
@@ -91,6 +99,9 @@ impl PathArray {
         Self::SettleHits,
         Self::BounceKinds,
         Self::PlaneValues,
+        Self::LightValues,
+        Self::PathStates,
+        Self::ShadowStates,
     ];
 
     fn name(self) -> &'static str {
@@ -112,6 +123,9 @@ impl PathArray {
             Self::SettleHits => "settle_hits",
             Self::BounceKinds => "bounce_kinds",
             Self::PlaneValues => "plane_values",
+            Self::LightValues => "light_values",
+            Self::PathStates => "path_states",
+            Self::ShadowStates => "shadow_states",
         }
     }
 
@@ -127,6 +141,8 @@ impl PathArray {
             Self::LightPaths => LIGHT_PATH_BYTES,
             Self::SettleQueue => 8,
             Self::PlaneValues => 4 * u64::from(needs.plane_words),
+            Self::LightValues => 4 * u64::from(needs.light_words),
+            Self::PathStates | Self::ShadowStates => size_of::<GpuPathStates>() as u64,
             Self::SettleHits => return 2 * hit * u64::from(capacity.div_ceil(PATHS_TO_KEPT)),
             Self::RayQueue0
             | Self::RayQueue1
@@ -148,6 +164,9 @@ impl PathArray {
             Self::SettleQueue | Self::SettleHits => needs.deferred_cutouts,
             Self::BounceKinds => needs.bounce_kinds,
             Self::PlaneValues => needs.plane_words > 0,
+            Self::LightValues => needs.light_words > 0,
+            Self::PathStates => needs.path_states,
+            Self::ShadowStates => needs.path_states && needs.shadows,
             Self::Rays
             | Self::Hits
             | Self::Paths
@@ -224,6 +243,8 @@ impl PathBuffers {
             PathArray::Radiance,
             PathArray::SurfaceQueue,
             PathArray::EscapedQueue,
+            PathArray::PlaneValues,
+            PathArray::LightValues,
         ];
         arrays.into_iter().filter_map(|array| self.get(array)).chain([&self.counters]).collect()
     }
@@ -248,6 +269,14 @@ impl PathBuffers {
         frame.light_paths = at(PathArray::LightPaths);
         frame.bounce_kinds = at(PathArray::BounceKinds);
         frame.plane_values = at(PathArray::PlaneValues);
+        frame.path_states = at(PathArray::PathStates);
+        frame.shadow_states = at(PathArray::ShadowStates);
+        let words = 3 * frame.light_count;
+        (frame.light_values, frame.light_stride) = match self.get(PathArray::LightValues) {
+            Some(values) => (values.address(), words),
+            // The last ones of each path.
+            None => (frame.plane_values + 4 * u64::from(frame.sum_words.saturating_sub(words)), frame.plane_words),
+        };
         frame.counters = self.counters.address();
     }
 }
@@ -269,9 +298,18 @@ mod tests {
         for bits in 0..64_u32 {
             let [shadows, textures, light_paths, feedback, deferred_cutouts, bounce_kinds] =
                 [0, 1, 2, 3, 4, 5].map(|bit| bits >> bit & 1 == 1);
-            let plane_words = bits % 5 * 3;
-            let needs =
-                PathNeeds { shadows, textures, light_paths, feedback, deferred_cutouts, bounce_kinds, plane_words };
+            let (plane_words, light_words, path_states) = (bits % 5 * 3, bits % 7 * 3, bits % 3 == 0);
+            let needs = PathNeeds {
+                shadows,
+                textures,
+                light_paths,
+                feedback,
+                deferred_cutouts,
+                bounce_kinds,
+                plane_words,
+                light_words,
+                path_states,
+            };
             for (capacity, levels) in [(1 << 12, 1), (5000, 2)] {
                 let made = PathBuffers::new(&gpu, capacity, levels, needs).expect("memory");
                 let bytes: u64 = made.arrays.iter().flatten().map(Buffer::size).sum();

@@ -100,7 +100,7 @@ impl WavefrontRecorder<'_> {
         }
         // In core only the first round has camera rays; while streaming any may have some.
         let is_first = round == 0 || self.has(Pass::RecordSurfaces);
-        if kind == PathKind::Aovs || is_first && self.film.filtered().is_some() {
+        if kind == PathKind::Aovs || is_first && self.film.filters_first_hits() {
             commands.concurrent(|c| {
                 self.indirect_by(c, Pass::ShadeAovs, q.with(round, AOV_SURFACES), WavefrontCounters::SURFACE_ARGS);
                 self.indirect_by(c, Pass::ShadeAovs, q.with(round, AOV_ESCAPED), WavefrontCounters::ESCAPED_ARGS);

@@ -7,9 +7,7 @@ use crate::support::{self, color_request, filtering, perspective, read, render, 
 use glam::DVec3;
 use oocpt_core::settings::{DenoiseMode, Settings};
 use oocpt_render::picture::PictureAttribute;
-use oocpt_render::{
-    AovKind, AovRequest, PixelWindow, PlantedFaults, RenderRequest, Session, SessionOptions, Severity,
-};
+use oocpt_render::{AovKind, AovRequest, PixelWindow, PlantedFaults, RenderRequest, Session, SessionOptions, Severity};
 
 const SIZE: [u32; 2] = [96, 72];
 

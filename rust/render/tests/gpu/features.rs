@@ -15,7 +15,7 @@ use oocpt_core::inventory::RenderInventory;
 use oocpt_core::pixel_filter::PixelFilterKind;
 use oocpt_core::scene::TransformSample;
 use oocpt_core::settings::{HostMapped, Settings};
-use oocpt_render::{AovKind, ForcedFeatures, PlantedFaults, Session, SessionOptions};
+use oocpt_render::{AovKind, AovRequest, ForcedFeatures, PlantedFaults, Session, SessionOptions};
 use rows::{Also, BARE, Names, Row};
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -23,6 +23,7 @@ use std::sync::Arc;
 /// The image that a row has rendered beside the colour.
 fn image_of(also: Also) -> AovKind {
     match also {
+        Also::Parts | Also::StreamedParts => AovKind::from_token("lpe:C<RD>L").expect("an expression"),
         Also::Depth => AovKind::Depth,
         Also::Albedo | Also::Filtered | Also::StreamedFiltered => AovKind::Albedo,
         Also::Ids => AovKind::CryptoObject,
@@ -35,7 +36,10 @@ fn image_of(also: Also) -> AovKind {
 
 /// Renders a row; gives what it was made of and its images.
 fn render(row: &Row, forced_features: ForcedFeatures) -> (RenderInventory, Vec<Vec<u8>>) {
-    let streams = matches!(row.also, Also::Streaming | Also::Mapped | Also::Roulette | Also::StreamedFiltered);
+    let streams = matches!(
+        row.also,
+        Also::Streaming | Also::Mapped | Also::Roulette | Also::StreamedFiltered | Also::StreamedParts
+    );
     let report = std::env::temp_dir().join(format!("oocpt-features-{}.json", std::process::id()));
     let chunk_report =
         if row.also == Also::ChunkReport { report.to_string_lossy().into_owned() } else { String::new() };
@@ -80,7 +84,9 @@ fn render(row: &Row, forced_features: ForcedFeatures) -> (RenderInventory, Vec<V
     }
     let mut request = request(camera);
     let more = image_of(row.also);
+    request.aovs.push(AovRequest { kind: more, clear: [0.0; 4] });
     request.aovs.retain(|aov| aov.kind == AovKind::Color || aov.kind == more);
+    request.aovs.dedup_by_key(|aov| aov.kind);
     support::render(&session, &request);
     if row.also == Also::ChunkReport {
         std::fs::remove_file(report).expect("the report was written");

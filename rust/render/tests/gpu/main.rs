@@ -35,6 +35,7 @@ mod motion;
 mod motion_vectors;
 mod native_traversal;
 mod passes;
+mod path_expressions;
 mod pixel_filter;
 mod ranked_ids;
 mod refitted;

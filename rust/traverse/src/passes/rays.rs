@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The rays of the two passes: walks a block of them, begins each walk, and stores its result.
 
+use super::light_parts::LightParts;
 use super::{PassContext, QueuePushes, RAY_WORDS, RAYS_AT_ONCE, SHADOW_WORDS};
 use crate::simd::Simd;
 use crate::walk::{ClosestHit, MAX_NESTING, RayTraversal, WorldRay};
@@ -89,6 +90,8 @@ pub(super) struct ShadowRays<'a, 's, 'v> {
     pub(super) shared: &'a PassContext<'s, 'v>,
     pub(super) queue: HostBytes<'v>,
     pub(super) radiance: HostWords<'v>,
+    /// Where light is kept apart by light path expressions.
+    pub(super) parts: Option<LightParts<'v>>,
 }
 
 impl<'s, 'v> QueuedRays<'s, 'v, false> for ClosestRays<'_, 's, 'v> {
@@ -198,10 +201,10 @@ impl<'s, 'v> QueuedRays<'s, 'v, true> for ShadowRays<'_, 's, 'v> {
         BegunRay { path, is_ended }: BegunRay,
         pushes: &mut QueuePushes,
     ) {
-        let Self { shared, radiance, .. } = self;
+        let Self { shared, radiance, parts, .. } = self;
         let at = path as usize * SHADOW_WORDS;
         let waits = !walk.hit && !walk.pending.items().is_empty();
-        shared.add_light(at, path, walk.hit, waits || is_ended, *radiance);
+        shared.add_light((at, path), (walk.hit, waits || is_ended), *radiance, parts.as_ref());
         if !shared.scene.has(Features::STREAMING) {
             return;
         }

@@ -54,6 +54,8 @@ pub struct Light {
     pub light_link: u32,
     /// Number of the category of prims that shadow it; 0: all.
     pub shadow_link: u32,
+    /// Label in light path expressions.
+    pub label: Option<Arc<str>>,
     /// Motion while the shutter is open.
     pub motion: Option<Arc<LightMotion>>,
 }
@@ -133,6 +135,7 @@ impl Light {
             shadow_reach: desc.shadow_reach.filter(|_| desc.shadow_enable).map(shadow_reach),
             light_link: 0,
             shadow_link: 0,
+            label: desc.label.clone().filter(|label| !label.is_empty()),
             motion: None,
         })
     }

@@ -3,9 +3,11 @@
 
 use super::cryptomatte;
 use crate::job::aov::AovKind;
+use crate::job::expression::{ExpressionId, has_paths};
 use crate::job::product::{CryptomatteKind, FileChannel, ProductVar, SampleFormat};
 
 /// A source and the names that it goes by.
+#[derive(Clone, Copy)]
 struct SourceRow {
     names: &'static [&'static str],
     kind: AovKind,
@@ -40,27 +42,25 @@ const ROWS: [SourceRow; 18] = [
     row(AovKind::Variance, "RGB", 0, &["variance", "var"]),
     row(AovKind::Error, "E", 0, &["error", "relativeError"]),
 ];
-/// Path expressions for all light.
+/// Path expressions for all light: they are the colour, which has alpha.
 const ALL_LIGHT: [&str; 5] = ["C.*", "C.*[<L.>O]", "C.*[LO]", "C[<.>]*[<L.>O]", "C.*[<O.><L.>]"];
 
 /// The source of a var, or why there is none.
-fn source(var: &ProductVar) -> Result<&'static SourceRow, String> {
+fn source(var: &ProductVar) -> Result<SourceRow, String> {
     let name = var.source_name.trim();
     // hdPrman's users also write path expressions as raw sources.
     let expression = name.strip_prefix("color ").unwrap_or(name).trim_start();
     let expression = expression.strip_prefix("lpe:").map(|rest| ("lpe", rest)).unwrap_or((&*var.source_type, name));
     match expression {
         ("lpe", path) => {
-            let path: String = path.chars().filter(|c| !c.is_whitespace()).collect();
-            let is_all = ALL_LIGHT.contains(&&*path);
-            is_all.then_some(&ROWS[0]).ok_or_else(|| {
-                format!("the light path expression {path} is not supported; C.*[<L.>O], which is all light, is")
-            })
+            let expression = ExpressionId::of(path)?;
+            let part = row(AovKind::Light(expression), "RGB", 0, &[]);
+            Ok(if ALL_LIGHT.contains(&&*expression.text()) { ROWS[0] } else { part })
         }
         ("" | "raw" | "intrinsic", name) => {
             let alike = |same: fn(&str, &str) -> bool| ROWS.iter().find(|row| row.names.iter().any(|n| same(n, name)));
             let found = alike(|a, b| a == b).or_else(|| alike(str::eq_ignore_ascii_case));
-            found.ok_or_else(|| format!("there is no source {name}; did you mean {}?", nearest(name)))
+            found.copied().ok_or_else(|| format!("there is no source {name}; did you mean {}?", nearest(name)))
         }
         ("primvar", name) => Err(format!("the primvar {name}: sources of the type primvar are not supported")),
         (kind, _) => Err(format!("there is no sourceType {kind}; there are raw, intrinsic, lpe and primvar")),
@@ -72,6 +72,12 @@ fn nearest(name: &str) -> &'static str {
     let names = ROWS.iter().flat_map(|row| row.names.iter().copied()).chain(CRYPTOMATTE.map(|(name, _)| name));
     let short: String = name.chars().take(64).collect();
     names.min_by_key(|known| strsim::damerau_levenshtein(known, &short)).unwrap_or("color")
+}
+
+/// What a user should know of a channel that is there.
+pub(super) fn remark(channel: &FileChannel) -> Option<String> {
+    let expression = channel.kind.expression().filter(|_| channel.component == 0)?;
+    (!has_paths(expression)).then(|| format!("is black: no light path is of {}", expression.text()))
 }
 
 /// What is wrong with the name of an AOV: says the nearest one.
@@ -227,7 +233,12 @@ mod tests {
         assert_eq!([kind("variance", "raw"), kind("error", "")], [Ok(AovKind::Variance), Ok(AovKind::Error)]);
         assert_eq!(kind("PRIMID", "intrinsic"), Ok(AovKind::PrimId), "whatever its case");
         assert!(kind("albdo", "raw").is_err_and(|text| text.contains("albedo")), "the nearest");
-        assert!(kind("C<RD>L", "lpe").is_err_and(|text| text.contains("C<RD>L")), "not all light");
+        let part = AovKind::from_token("lpe:C<RD>L").expect("an expression");
+        assert_eq!([kind("C<RD> L", "lpe"), kind("color lpe:C<RD>L", "raw")], [Ok(part), Ok(part)], "not all light");
+        assert!(kind("C<RD", "lpe").is_err_and(|text| text.contains("C<RD: character 5")), "no expression");
+        assert!(kind("unoccluded;C<RD>L", "lpe").is_err_and(|text| text.contains("unoccluded")), "an option");
+        let [black, lit] = ["CV", "CO"].map(|text| of_var(&var("x", "color3f", text, "lpe"), &[]).expect(text));
+        assert_eq!([black.iter().filter_map(remark).count(), lit.iter().filter_map(remark).count()], [1, 0]);
         assert!(kind("st", "primvar").is_err() && kind("color", "sparkle").is_err());
     }
 

@@ -3,6 +3,7 @@
 
 use super::{channels, frame_name};
 use crate::job::aov::AovRequest;
+use crate::job::expression::{ExpressionId, fit_together};
 use crate::job::product::{FileChannel, FileCompression, ProductFile, ProductPicture, ProductVar, RenderProduct};
 use crate::job::request::RenderRequest;
 use oocpt_core::file_space::FileSpace;
@@ -29,9 +30,9 @@ pub(crate) struct ProductPlan {
 /// Plans the files of a scene's products.
 pub(crate) fn plan(products: &[RenderProduct]) -> ProductPlan {
     let mut plan = ProductPlan::default();
-    let mut paths: Vec<PathBuf> = Vec::new();
+    let (mut paths, mut parts) = (Vec::<PathBuf>::new(), PlannedParts::default());
     for product in products.iter().take(MAX_PRODUCTS) {
-        match file_of(product, &paths, &mut plan.warnings) {
+        match file_of(product, (&paths, &mut parts), &mut plan.warnings) {
             Ok(file) => {
                 paths.push(file.path.clone());
                 plan.add(file, product.picture.as_ref());
@@ -73,7 +74,11 @@ pub(crate) fn add_kinds(request: &mut RenderRequest, file: &ProductFile) {
     }
 }
 
-fn file_of(product: &RenderProduct, taken: &[PathBuf], warnings: &mut Vec<String>) -> Result<ProductFile, String> {
+fn file_of(
+    product: &RenderProduct,
+    (taken, parts): (&[PathBuf], &mut PlannedParts),
+    warnings: &mut Vec<String>,
+) -> Result<ProductFile, String> {
     if !matches!(&*product.kind, "" | "raster") {
         return Err(format!("its productType {} is not supported", product.kind));
     }
@@ -87,7 +92,7 @@ fn file_of(product: &RenderProduct, taken: &[PathBuf], warnings: &mut Vec<String
     if !(product.pixel_aspect.is_finite() && product.pixel_aspect > 0.0) {
         return Err("its pixelAspectRatio is not a positive number".to_owned());
     }
-    let channels = channels_of(product, warnings)?;
+    let channels = channels_of(product, parts, warnings)?;
     let mut compression = compression_of(product, warnings);
     if compression.is_lossy() && channels.iter().any(|channel| channel.cryptomatte.is_some()) {
         warnings.push(format!("{}: Cryptomatte needs exact numbers; zip is used", product.prim));
@@ -122,7 +127,27 @@ fn path_of(product: &RenderProduct) -> Result<PathBuf, String> {
     if is_exr { Ok(path) } else { Err(format!("{} is no EXR file by its name", path.display())) }
 }
 
-fn channels_of(product: &RenderProduct, warnings: &mut Vec<String>) -> Result<Vec<FileChannel>, String> {
+/// The light path expressions of all products so far: one automaton has them all, whichever picture they are of.
+#[derive(Debug, Default)]
+struct PlannedParts(Vec<ExpressionId>);
+
+impl PlannedParts {
+    /// These channels, if their expression has room.
+    fn take(&mut self, channels: Vec<FileChannel>) -> Result<Vec<FileChannel>, String> {
+        let new = channels.first().and_then(|channel| channel.kind.expression()).filter(|id| !self.0.contains(id));
+        if let Some(new) = new {
+            self.0.push(new);
+            fit_together(&self.0).inspect_err(|_| self.0.truncate(self.0.len() - 1))?;
+        }
+        Ok(channels)
+    }
+}
+
+fn channels_of(
+    product: &RenderProduct,
+    parts: &mut PlannedParts,
+    warnings: &mut Vec<String>,
+) -> Result<Vec<FileChannel>, String> {
     let default = [ProductVar {
         prim: product.prim.clone(),
         data_type: "color4f".to_owned(),
@@ -132,8 +157,12 @@ fn channels_of(product: &RenderProduct, warnings: &mut Vec<String>) -> Result<Ve
     let vars = if product.vars.is_empty() { &default[..] } else { &product.vars };
     let mut all = Vec::new();
     for var in vars {
-        match channels::of_var(var, &all) {
-            Ok(channels) if all.len() + channels.len() <= MAX_CHANNELS => all.extend(channels),
+        match channels::of_var(var, &all).and_then(|channels| parts.take(channels)) {
+            Ok(channels) if all.len() + channels.len() <= MAX_CHANNELS => {
+                let remarks = channels.iter().filter_map(channels::remark);
+                warnings.extend(remarks.map(|text| format!("{}: {text}", var.prim)));
+                all.extend(channels);
+            }
             Ok(_) => warnings.push(format!("{}: left out: {MAX_CHANNELS} channels are the most of a file", var.prim)),
             Err(text) => warnings.push(format!("{}: left out of {}: {text}", var.prim, product.name.trim())),
         }

@@ -81,5 +81,5 @@ impl EngineState {
 }
 
 fn names(images: &[AovKind]) -> Vec<String> {
-    images.iter().map(|kind| kind.token().to_owned()).collect()
+    images.iter().map(|kind| kind.name()).collect()
 }

@@ -2,7 +2,7 @@
 //! Rows of the view and of geometry.
 
 use super::super::scenes::{bare, nested, placed, turning};
-use super::{Also, BARE, Row};
+use super::{Also, BARE, OF_PARTS, Row};
 use crate::materials::{coordinates, with};
 use crate::scenes::{constant, deforming};
 use oocpt_core::TypedArray;
@@ -114,6 +114,14 @@ pub(crate) const ROWS: &[Row] = &[
         passes: &[&["shade_aovs", "rank_ids", "resolve_ids"]],
         buffers: &[&["image cryptoObject", "plane_values", "plane_sums"]],
         also: Also::Ids,
+        ..BARE
+    },
+    Row {
+        what: "a light path expression",
+        features: &["PATH_EXPRESSIONS"],
+        passes: &[&["sum_planes", "resolve_planes"]],
+        buffers: &[&["image lpe:C<RD>L", "plane_values", "plane_sums"], OF_PARTS],
+        also: Also::Parts,
         ..BARE
     },
     Row {

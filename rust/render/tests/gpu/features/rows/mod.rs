@@ -43,6 +43,8 @@ pub(crate) enum Also {
     Filtered,
     StreamedFiltered,
     Ids,
+    Parts,
+    StreamedParts,
     Errors,
     Counts,
     FilmPart,
@@ -98,6 +100,7 @@ pub(crate) const OF_TILES: Names = &[
 ];
 pub(crate) const OF_LIGHTS: Names = &["light_paths", "lighting", "local lights", "light tree"];
 pub(crate) const OF_RESOLVING: Names = &["surface materials", "resolve_queue", "resolved", "resolve_progress"];
+pub(crate) const OF_PARTS: Names = &["path_states", "light path automaton"];
 pub(crate) const OF_PRIMVARS: Names = &["mesh primvars", "mesh corners"];
 pub(crate) const STREAM_PASSES: Names = &[
     "record_surfaces",

@@ -2,7 +2,9 @@
 //! Rows of scenes that stream.
 
 use super::super::scenes::papered;
-use super::{Also, BARE, OF_MATERIALS, OF_MESH_LIGHTS, OF_RESOLVING, OF_STREAMING, OF_TEXTURES, Row, STREAM_PASSES};
+use super::{
+    Also, BARE, OF_MATERIALS, OF_MESH_LIGHTS, OF_PARTS, OF_RESOLVING, OF_STREAMING, OF_TEXTURES, Row, STREAM_PASSES,
+};
 use oocpt_core::scene::ParamValue;
 
 pub(crate) const ROWS: &[Row] = &[
@@ -36,6 +38,14 @@ pub(crate) const ROWS: &[Row] = &[
         passes: &[STREAM_PASSES, &["shade_aovs", "sum_planes", "resolve_planes"]],
         buffers: &[OF_STREAMING, &["image albedo", "plane_values", "plane_sums"]],
         also: Also::StreamedFiltered,
+        ..BARE
+    },
+    Row {
+        what: "a light path expression of a scene that streams",
+        features: &["STREAMING", "PATH_EXPRESSIONS"],
+        passes: &[STREAM_PASSES, &["sum_planes", "resolve_planes"]],
+        buffers: &[OF_STREAMING, &["image lpe:C<RD>L", "plane_values", "plane_sums", "light_values"], OF_PARTS],
+        also: Also::StreamedParts,
         ..BARE
     },
     Row {

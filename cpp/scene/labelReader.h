@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: Apache-2.0
+#ifndef HDOOCPT_SCENE_LABEL_READER_H
+#define HDOOCPT_SCENE_LABEL_READER_H
+
+#include "pxr/imaging/hd/dataSource.h"
+#include "pxr/pxr.h"
+
+#include <string>
+
+PXR_NAMESPACE_OPEN_SCOPE
+
+/// The label of a light or a surface in light path expressions, which is its light group, by the first of the primvars
+/// that OocPT, RenderMan, Karma and Arnold have for it; empty if there is none. Lights have inputs for it, too
+/// (lightReader.cpp). Any thread.
+std::string HdOocPTReadLabel(const HdContainerDataSourceHandle& container);
+
+PXR_NAMESPACE_CLOSE_SCOPE
+
+#endif
