@@ -25,6 +25,7 @@ mod peaks;
 mod place;
 mod placed;
 mod placement;
+mod placing;
 mod store;
 mod stretches;
 mod validate;
@@ -40,6 +41,7 @@ pub use hold::HELD_FROM;
 pub(crate) use placed::PlacedReader;
 pub use placed::PlacedValues;
 pub(crate) use placement::PlacedValue;
+pub use placing::{MemberPlacing, PLACING_MEMBERS};
 pub(crate) use store::{PartitionSource, PartitionStore};
 pub use validate::WorldError;
 

@@ -270,8 +270,14 @@ impl Renderer {
         // A cap on geometry counts tiles, wherever they are.
         scene.maps_tiles = maps_host(device, &job.settings) && geometry_cap(job).is_none();
         limit_shapes(job, scene);
+        scene.place_moved(device, &mut progress.timings)?;
         let missing = scene.missing_bytes();
-        let mut in_core = self.fits(context, scene, missing) && !self.comes_meanwhile(context, missing);
+        let mut in_core = self.fits(context, scene, missing);
+        if !in_core && scene.store.placing_bytes() > 0 {
+            scene.store.stop_placing();
+            in_core = self.fits(context, scene, missing);
+        }
+        in_core = in_core && !self.comes_meanwhile(context, missing);
         if in_core {
             self.stream = None;
             scene.store.kept().limit(0);
