@@ -16,6 +16,9 @@ pub const RECORD_BYTES: u64 = 128;
 /// Device bytes of a key of a placement that moves.
 pub const KEY_BYTES: u64 = size_of::<oocpt_abi::GpuMotionKey>() as u64;
 
+/// Coordinate to which the map of an unusable record takes all points.
+const NOWHERE: f32 = 1e30;
+
 /// The target of an instance record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum InstanceTarget {
@@ -46,6 +49,20 @@ pub struct InstanceRecord {
     /// Number of keys of a moving record, of which `object_from_parent` is none (it is at the frame's own time);
     /// else 0.
     pub keys: u32,
+}
+
+impl InstanceRecord {
+    /// A record of an instance that is not usable: no ray finds it.
+    pub(crate) const NOWHERE: Self = Self {
+        object_from_parent: [[0.0, 0.0, 0.0, NOWHERE]; 3],
+        target: InstanceTarget::Mesh(0),
+        prim_id: -1,
+        index_in_prototype: 0,
+        prototype_count: 1,
+        bounds: [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]],
+        flips_handedness: false,
+        keys: 0,
+    };
 }
 
 impl Default for InstanceRecord {
@@ -172,10 +189,16 @@ impl Assembly {
         records.saturating_add(KEY_BYTES.saturating_mul(self.keys_before(self.len()) as u64))
     }
 
-    /// Box of all records, in this assembly's frame; empty if there is none.
+    /// Box of all records, in this assembly's frame; empty if there is none. Of the root of a live scene it may be that
+    /// of before they moved ([`crate::scene::SceneDb::set_late`]).
     #[must_use]
     pub fn bounds(&self) -> Aabb {
         self.bounds
+    }
+
+    /// Whether it is known where all records are.
+    pub(crate) fn is_measured(&self) -> bool {
+        self.members.iter().all(|member| member.run.is_measured())
     }
 
     /// Primvars that records have values of.

@@ -5,6 +5,9 @@
 //! what is known of the order stays true, and trees over its records can be refitted. It is cut anew when anything else
 //! changes, or when the boxes have grown so that rays would enter too many chunks. Only live scenes hold: chunks of
 //! others are a function of the scene alone.
+//!
+//! Where what moves is measured late, the chunk has the bounds that it was measured with last until somebody measures
+//! it again, and growth is seen a commit later.
 
 use std::sync::Arc;
 
@@ -31,6 +34,8 @@ enum MovedRecords {
     Ranks(Vec<u64>),
     /// Items of all usable ranks.
     All(Vec<PlacementItem>),
+    /// All, and nobody has looked where.
+    Late,
 }
 
 /// The members of an assembly while its chunks are held.
@@ -58,6 +63,7 @@ impl AssemblyPart {
         let counts = members.iter().zip(&moved).map(|(member, moved)| moved.count(member));
         let count: usize = counts.sum();
         let whole = members.iter().zip(&moved).filter(|(_, moved)| matches!(moved, MovedRanks::All));
+        let whole = whole.filter(|(member, _)| member.run.is_measured());
         let items: usize = whole.map(|(member, _)| member.run.len()).sum();
         let is_held = self.chunks.iter().any(|chunk| chunk.is_held());
         if (count < HELD_FROM && !is_held) || (items * size_of::<PlacementItem>()) as u64 > job.item_bytes {
@@ -98,6 +104,7 @@ impl MovedRecords {
                 }
                 Self::Ranks(bits)
             }
+            MovedRanks::All if !member.run.is_measured() => Self::Late,
             MovedRanks::All => Self::All(member.run.take_items()),
         }
     }
@@ -113,12 +120,15 @@ impl HeldMembers<'_> {
         }
         let members: Arc<[AssemblyMember]> =
             places.iter().filter_map(|&place| self.members.get(place)).map(|&member| member.clone()).collect();
+        if chunk.is_late() || moved.iter().any(|moved| matches!(moved, MovedRecords::Late)) {
+            return Some(Arc::new(chunk.moved(members, None)));
+        }
         let mut readers = MemberReaders::new(&members, None);
         let (mut around, mut spread, mut count) = ([DVec3::INFINITY, DVec3::NEG_INFINITY], 0.0_f32, 0);
         for at in 0..chunk.len() {
             let (which, rank) = chunk.place(at)?;
             let item = match *moved.get(which as usize)? {
-                MovedRecords::Nothing => continue,
+                MovedRecords::Nothing | MovedRecords::Late => continue,
                 MovedRecords::Ranks(bits) => match bits.get(rank as usize / 64) {
                     Some(word) if word >> (rank % 64) & 1 == 1 => readers.item(which, rank)?,
                     _ => continue,
@@ -138,7 +148,7 @@ impl HeldMembers<'_> {
         let bounds = chunk.bounds_of(around, f64::from(spread));
         // Of the records that stay, no more is known than their box together with the others.
         let bounds = if count < chunk.len() { bounds.union(&chunk.bounds()) } else { bounds };
-        Some(Arc::new(chunk.moved(members, bounds)))
+        Some(Arc::new(chunk.moved(members, Some(bounds))))
     }
 
     /// Leaves the items to those who cut.

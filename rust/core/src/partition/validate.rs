@@ -76,6 +76,13 @@ impl PartitionedWorld {
     /// # Errors
     /// The first broken invariant.
     pub fn validate(&self, meshes: &[Arc<SceneMesh>], assemblies: &[Arc<Assembly>]) -> Result<(), WorldError> {
+        match self.measured() {
+            Some(measured) => measured.validate_measured(meshes, assemblies),
+            None => self.validate_measured(meshes, assemblies),
+        }
+    }
+
+    fn validate_measured(&self, meshes: &[Arc<SceneMesh>], assemblies: &[Arc<Assembly>]) -> Result<(), WorldError> {
         let costs = AssetCosts::new(meshes, assemblies);
         let mut opened = vec![false; assemblies.len()];
         for part in &self.opened {

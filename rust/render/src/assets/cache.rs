@@ -94,6 +94,8 @@ pub(crate) struct DeviceScene {
     is_in_core: bool,
     /// Where held chunks that moved were, by shape: chunks of the scene before that are still on the device.
     before: FxHashMap<u64, AssetKey>,
+    /// True until its chunks that are measured late have been.
+    is_new: bool,
     /// True if the frame may read tiles that find no room on the device in host memory.
     pub(crate) maps_tiles: bool,
 }
@@ -160,6 +162,7 @@ impl SceneCache {
                     entries: TableEntries::default(),
                     is_in_core: false,
                     before,
+                    is_new: true,
                     maps_tiles: false,
                 });
             }
@@ -179,33 +182,51 @@ fn moved_from(scene: &DeviceScene, assets: &SceneAssets, keep: &FxHashSet<AssetK
 }
 
 impl DeviceScene {
-    /// Places the chunks that moved on the device, where it can ([`super::placing`]); the others are missing.
+    /// Places the chunks that moved on the device, where it can ([`super::placing`]); the others are missing. Then
+    /// gives the top level the bounds of all. Returns whether the device placed what moved; `None` if nothing did.
     pub(crate) fn place_moved(
         &mut self,
         device: &Device,
         timings: &mut RenderTimings,
-    ) -> Result<(), RenderError> {
+    ) -> Result<Option<bool>, RenderError> {
         let before = std::mem::take(&mut self.before);
-        if before.is_empty() {
-            return Ok(());
+        let mut is_placed = None;
+        if !before.is_empty() {
+            is_placed = Some(self.place_from(device, &before, timings)?);
         }
+        if let Some(world) = self.is_new.then(|| self.assets.snapshot.world.measured()).flatten() {
+            let assets = Arc::get_mut(&mut self.assets);
+            let assets = assets.ok_or_else(|| RenderError::Internal("assets are in use before they are there".into()))?;
+            assets.bound(&world);
+        }
+        self.is_new = false;
+        Ok(is_placed)
+    }
+
+    fn place_from(
+        &mut self,
+        device: &Device,
+        before: &FxHashMap<u64, AssetKey>,
+        timings: &mut RenderTimings,
+    ) -> Result<bool, RenderError> {
         let started = Instant::now();
         let placed = match device.gpu.report().capabilities.shader_float64 {
-            true => self.store.place_held(device, &self.assets, &before),
-            false => Ok(0),
+            true => self.store.place_held(device, &self.assets, before),
+            false => Ok((0, false)),
         };
         before.values().for_each(|key| self.store.evict(key));
         let placed = placed.or_else(|error| {
             // What is on the device may be half of an edit.
             self.store.stop_placing();
             match error {
-                RenderError::Budget { .. } => Ok(0),
+                RenderError::Budget { .. } => Ok((0, false)),
                 error => Err(error),
             }
         });
-        timings.uploaded_bytes += placed?;
+        let (bytes, is_placed) = placed?;
+        timings.uploaded_bytes += bytes;
         timings.upload_secs += started.elapsed().as_secs_f64();
-        Ok(())
+        Ok(is_placed)
     }
 
     /// Bytes that are not loaded yet, with tables; tiles of textures left out.

@@ -214,6 +214,11 @@ impl SceneAssets {
         self.sources.iter().filter_map(AssetSource::shape)
     }
 
+    /// Makes the top level that of `world`, which is the snapshot's with other bounds.
+    pub(super) fn bound(&mut self, world: &PartitionedWorld) {
+        self.top = TopLevel::new(world);
+    }
+
     /// The chunks whose records move.
     pub(super) fn held_chunks(&self) -> impl Iterator<Item = &Arc<Chunk>> {
         self.chunks().filter(|chunk| chunk.is_held())

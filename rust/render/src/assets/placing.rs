@@ -17,6 +17,7 @@ use oocpt_abi::{
     Features, GpuChunkMember, GpuHeldChunk, GpuRefittedChunk, MEMBER_AFTER, MEMBER_HALVES, MEMBER_INSTANCED,
     PlacingPush, groups,
 };
+use oocpt_core::Aabb;
 use oocpt_core::array::{ElementType, TypedArray};
 use oocpt_core::mesh::{has_worn, level_node_count};
 use oocpt_core::partition::{Chunk, MemberPlacing};
@@ -194,6 +195,7 @@ impl DevicePlacing {
         let before = self.worn.len();
         for (MovedChunk { chunk, .. }, result) in moved.iter().zip(results) {
             let area = f64::from_bits(result.area);
+            chunk.set_bounds(Aabb { min: result.min, max: result.max });
             let Some(shape) = self.shapes.get_mut(&chunk.shape()) else { continue };
             let growth = area / *shape.area.get_or_insert(area);
             if has_worn(growth) && area > 0.0 {
@@ -209,15 +211,16 @@ impl DevicePlacing {
 
 impl AssetStore {
     /// Places the held chunks that moved, each in the memory that it had `before`, by shape. Those that cannot be
-    /// placed are left to the loader. Returns the bytes sent.
+    /// placed are left to the loader. Returns the bytes sent, and whether all were placed but for those that have worn
+    /// out.
     pub(super) fn place_held(
         &mut self,
         device: &Device,
         assets: &SceneAssets,
         before: &FxHashMap<u64, AssetKey>,
-    ) -> Result<u64, RenderError> {
-        let worn = self.placing.take_worn();
-        worn.iter().for_each(|shape| self.shapes().forget(*shape));
+    ) -> Result<(u64, bool), RenderError> {
+        let rebuilt = self.placing.take_worn();
+        rebuilt.iter().for_each(|shape| self.shapes().forget(*shape));
         let held: Vec<&Arc<Chunk>> = assets.held_chunks().collect();
         let live: FxHashSet<u64> = held.iter().map(|chunk| chunk.shape()).collect();
         self.placing.shapes.retain(|shape, _| live.contains(shape));
@@ -225,7 +228,7 @@ impl AssetStore {
         for chunk in held {
             let Some(members) = chunk.placing().filter(|members| members.iter().all(is_known)) else { continue };
             add_arrays(&members, &mut arrays);
-            let from = before.get(&chunk.shape()).filter(|_| !worn.contains(&chunk.shape()));
+            let from = before.get(&chunk.shape()).filter(|_| !rebuilt.contains(&chunk.shape()));
             let resident = from.and_then(|from| Some((from, self.get(from)?.address())));
             described += members.len() * size_of::<GpuChunkMember>();
             if let Some((&from, records)) = resident {
@@ -233,7 +236,7 @@ impl AssetStore {
             }
         }
         if moved.is_empty() || described > MAX_DESCRIBED {
-            return Ok(0);
+            return Ok((0, false));
         }
         let mut sent = SentBytes::default();
         let placed = self.placing.record(device, (&moved, &arrays), &mut sent);
@@ -246,7 +249,8 @@ impl AssetStore {
         let worn = self.placing.note(&moved, &results);
         self.shapes().note_placed(moved.len() as u64, moved.iter().map(|moved| moved.chunk.len() as u64).sum(), worn);
         moved.iter().for_each(|moved| self.take_over(&moved.from, AssetKey::Chunk(moved.chunk.key())));
-        Ok(sent.bytes)
+        let left = before.iter().filter(|(shape, key)| !rebuilt.contains(shape) && self.get(key).is_some());
+        Ok((sent.bytes, left.count() == 0))
     }
 }
 

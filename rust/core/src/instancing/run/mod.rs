@@ -127,6 +127,9 @@ pub(crate) struct InstanceRun {
     blocks: Vec<Aabb>,
     bounds: Aabb,
     dropped: DroppedData,
+    /// False if it was not looked at where its placements are now: bounds, boxes of blocks and what is unusable are
+    /// those of before.
+    is_measured: bool,
     /// The run that this one was made from, and the ranks that may differ from it.
     edits: Option<(Weak<Self>, Arc<Vec<u32>>)>,
     /// Results of the scan that the partition takes.
@@ -134,11 +137,20 @@ pub(crate) struct InstanceRun {
 }
 
 impl InstanceRun {
-    /// Returns `old` again if it is of the same spec, or a run made from it if little changed; `None` if everything has
-    /// to be scanned.
-    pub(crate) fn reuse(old: Option<&Arc<Self>>, spec: &RunSpec) -> Option<Arc<Self>> {
-        let old = old?;
-        if old.spec.is_same(spec) { Some(old.clone()) } else { Self::edited(old, spec).map(Arc::new) }
+    /// Returns `old` again if it is of the same spec, or a run made from it if little changed, or, if runs may be
+    /// `late`, one that is not measured; `None` if everything has to be scanned.
+    pub(crate) fn reuse(old: Option<&Arc<Self>>, spec: &RunSpec, late: bool) -> Option<Arc<Self>> {
+        let old = old.filter(|old| old.is_measured || late)?;
+        if old.spec.is_same(spec) {
+            return Some(old.clone());
+        }
+        let edited = if old.is_measured { Self::edited(old, spec) } else { None };
+        edited.or_else(|| if late { Self::moved(old, spec) } else { None }).map(Arc::new)
+    }
+
+    /// Whether it is known where its placements are, and which are usable.
+    pub(crate) fn is_measured(&self) -> bool {
+        self.is_measured
     }
 
     /// Scans a whole run. `keep`: the results that the partition will ask for.
@@ -152,6 +164,7 @@ impl InstanceRun {
             blocks: Vec::new(),
             bounds: Aabb::EMPTY,
             dropped: DroppedData::default(),
+            is_measured: true,
             edits: None,
             kept: Mutex::default(),
         };

@@ -27,6 +27,7 @@ impl InstanceRun {
             blocks: old.blocks.clone(),
             bounds: Aabb::EMPTY,
             dropped: old.dropped,
+            is_measured: true,
             edits: None,
             kept: Mutex::default(),
         };
@@ -51,6 +52,33 @@ impl InstanceRun {
         run.bad = bad;
         run.edits = Some((Arc::downgrade(old), Arc::new(ranks)));
         Some(run)
+    }
+
+    /// The run of `spec`, of whose placements is only known that they are those of `old` elsewhere; `None` if more can
+    /// differ than where they are and which are usable.
+    pub(super) fn moved(old: &Arc<Self>, spec: &RunSpec) -> Option<Self> {
+        let (before, now) = (old.spec.instances.as_ref()?, spec.instances.as_ref()?);
+        // What was not usable may be so now, and is in no chunk.
+        let is_elsewhere = old.ranks > 0
+            && old.bad.is_empty()
+            && old.key_count() == 0
+            && spec.key_count() == 0
+            && old.spec.target_bounds == spec.target_bounds
+            && before.same_indices(now)
+            && before.arrays.is_shaped_as(&now.arrays);
+        is_elsewhere.then(|| Self {
+            spec: spec.clone(),
+            unmasked: old.unmasked.clone(),
+            among_all: old.among_all.clone(),
+            bad: old.bad.clone(),
+            ranks: old.ranks,
+            blocks: Vec::new(),
+            bounds: old.bounds,
+            dropped: old.dropped,
+            is_measured: false,
+            edits: None,
+            kept: Mutex::default(),
+        })
     }
 
     /// Number and new content of the block of the given ranks, which are all of its ranks that differ from `old`. Bad
