@@ -127,7 +127,8 @@ void place_record(GpuHeldChunk chunk, uint record, out vec3 lower, out vec3 uppe
         lower = placed.lower;
         upper = placed.upper;
     } else {
-        placed.rows = vec4[3](vec4(0.0), vec4(0.0), vec4(0.0));
+        const vec4 far = vec4(0.0, 0.0, 0.0, 1e30);
+        placed.rows = vec4[3](far, far, far);
         placed.flips = false;
         atomicAdd(unusable, 1u);
     }

@@ -16,9 +16,6 @@ pub const RECORD_BYTES: u64 = 128;
 /// Device bytes of a key of a placement that moves.
 pub const KEY_BYTES: u64 = size_of::<oocpt_abi::GpuMotionKey>() as u64;
 
-/// Coordinate to which the map of an unusable record takes all points.
-const NOWHERE: f32 = 1e30;
-
 /// The target of an instance record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum InstanceTarget {
@@ -49,20 +46,6 @@ pub struct InstanceRecord {
     /// Number of keys of a moving record, of which `object_from_parent` is none (it is at the frame's own time);
     /// else 0.
     pub keys: u32,
-}
-
-impl InstanceRecord {
-    /// A record of an instance that is not usable: no ray finds it.
-    pub(crate) const NOWHERE: Self = Self {
-        object_from_parent: [[0.0, 0.0, 0.0, NOWHERE]; 3],
-        target: InstanceTarget::Mesh(0),
-        prim_id: -1,
-        index_in_prototype: 0,
-        prototype_count: 1,
-        bounds: [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]],
-        flips_handedness: false,
-        keys: 0,
-    };
 }
 
 impl Default for InstanceRecord {

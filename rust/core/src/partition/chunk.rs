@@ -18,6 +18,7 @@ use crate::instancing::assembly::{AssemblyMember, InstanceRecord, InstanceTarget
 use crate::instancing::instance_primvars::{ColumnReader, InstanceColumn, MemberPrimvar, write_value};
 use crate::instancing::item::PlacementItem;
 use crate::instancing::motion::MotionKey;
+use crate::instancing::placement::PlacedInstance;
 use crate::instancing::run::RunReader;
 use crate::mesh::Aabb;
 
@@ -295,8 +296,8 @@ impl Chunk {
         let mut readers = MemberReaders::new(&members, Some(self.origin));
         self.each(range, &mut readers, |at, member, rank, reader| {
             // All placements of a chunk are usable, unless they were not looked at.
-            let record = reader.place(rank).map(|placed| member.record(rank, &placed));
-            visit(at, &record.unwrap_or(InstanceRecord { target: member.target, ..InstanceRecord::NOWHERE }));
+            let placed = reader.place(rank).unwrap_or(PlacedInstance::NOWHERE);
+            visit(at, &member.record(rank, &placed));
         });
     }
 
