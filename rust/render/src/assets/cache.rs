@@ -193,6 +193,8 @@ impl DeviceScene {
         let mut is_placed = None;
         if !before.is_empty() {
             is_placed = Some(self.place_from(device, &before, timings)?);
+        } else if self.is_new && self.assets.held_chunks().next().is_none() {
+            self.store.stop_placing();
         }
         if let Some(world) = self.is_new.then(|| self.assets.snapshot.world.measured()).flatten() {
             let assets = Arc::get_mut(&mut self.assets);

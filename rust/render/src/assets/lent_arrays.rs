@@ -3,12 +3,14 @@
 //! compared with it, and what differs is sent: few elements as a list that a pass scatters
 //! (`shaders/scene/scatter_words.comp`), else all of it. Render thread only; threads of the pool compare and copy.
 
+use super::copied::CopiedAssets;
 use super::encode::AssetCopier;
 use crate::device::Device;
 use crate::error::RenderError;
 use oocpt_core::array::TypedArray;
-use oocpt_gpu::{HeapRange, Submission};
+use oocpt_gpu::HeapRange;
 use rayon::prelude::*;
+use rustc_hash::{FxHashMap, FxHashSet};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Elements compared at a time.
@@ -19,34 +21,67 @@ const FEW: usize = 8;
 const SENT_BYTES: usize = 4 << 20;
 const ALIGN: u64 = 256;
 
-/// Copies under way, and their bytes.
-#[derive(Debug, Default)]
-pub(super) struct SentBytes {
-    pub(super) submissions: Vec<Submission>,
-    pub(super) bytes: u64,
+/// Copies to the device. Large ones are made by all threads.
+pub(super) struct SentBytes<'a> {
+    device: &'a Device,
+    copier: AssetCopier<'a>,
+    copied: CopiedAssets,
 }
 
-impl SentBytes {
-    /// Begins to copy `bytes` to the start of `target`, by all threads.
-    pub(super) fn send(&mut self, device: &Device, target: &HeapRange, bytes: &[u8]) -> Result<(), RenderError> {
-        let ring = device.loader()?.ring();
+impl<'a> SentBytes<'a> {
+    pub(super) fn new(device: &'a Device) -> Result<Self, RenderError> {
+        let copier = AssetCopier::new(&device.gpu, device.loader()?.ring());
+        Ok(Self { device, copier, copied: CopiedAssets::default() })
+    }
+
+    /// Begins to copy `bytes` to the start of `target`.
+    pub(super) fn send(&mut self, target: &HeapRange, bytes: &[u8]) -> Result<(), RenderError> {
+        if bytes.len() <= SENT_BYTES {
+            return self.copier.bytes(target, 0, bytes);
+        }
+        // Other threads may wait for the staging memory of copies in hand.
+        self.copier.submit()?;
+        let (gpu, ring) = (&self.device.gpu, self.device.loader()?.ring());
         let parts = bytes.par_chunks(SENT_BYTES).enumerate().map(|(part, bytes)| {
-            let mut copier = AssetCopier::new(&device.gpu, ring);
+            let mut copier = AssetCopier::new(gpu, ring);
             copier.bytes(target, (part * SENT_BYTES) as u64, bytes)?;
             copier.finish()
         });
         for copied in parts.collect::<Result<Vec<_>, RenderError>>()? {
-            self.submissions.extend(copied.submissions);
-            self.bytes += copied.bytes;
+            self.copied.submissions.extend(copied.submissions);
+            self.copied.bytes += copied.bytes;
         }
         Ok(())
     }
 
     /// A new range that is to hold `bytes`.
-    pub(super) fn range(&mut self, device: &Device, name: &str, bytes: &[u8]) -> Result<HeapRange, RenderError> {
-        let range = device.heap.alloc(name, (bytes.len() as u64).max(16), ALIGN)?;
-        self.send(device, &range, bytes)?;
+    pub(super) fn range(&mut self, name: &str, bytes: &[u8]) -> Result<HeapRange, RenderError> {
+        let range = self.device.heap.alloc(name, (bytes.len() as u64).max(16), ALIGN)?;
+        self.send(&range, bytes)?;
         Ok(range)
+    }
+
+    /// Submits the rest; returns all submissions, and the bytes.
+    pub(super) fn finish(self) -> Result<CopiedAssets, RenderError> {
+        let CopiedAssets { submissions, bytes, .. } = self.copier.finish()?;
+        let mut copied = self.copied;
+        copied.submissions.extend(submissions);
+        copied.bytes += bytes;
+        Ok(copied)
+    }
+}
+
+/// Arrays, each listed once.
+#[derive(Debug, Default)]
+pub(super) struct ArrayList {
+    arrays: Vec<TypedArray>,
+    known: FxHashSet<(usize, usize)>,
+}
+
+impl ArrayList {
+    pub(super) fn add<'a>(&mut self, arrays: impl Iterator<Item = &'a TypedArray>) {
+        let new = arrays.filter(|array| self.known.insert(array.identity()));
+        self.arrays.extend(new.cloned());
     }
 }
 
@@ -71,6 +106,8 @@ struct LentArray {
 #[derive(Debug, Default)]
 pub(super) struct LentArrays {
     arrays: Vec<LentArray>,
+    /// Addresses by the identity of the array.
+    addresses: FxHashMap<(usize, usize), u64>,
 }
 
 impl LentArrays {
@@ -81,23 +118,22 @@ impl LentArrays {
 
     /// The address of an array; 0 without one, or if it is not there.
     pub(super) fn address(&self, wanted: Option<&TypedArray>) -> u64 {
-        let known = wanted.and_then(|wanted| self.arrays.iter().find(|known| is_same(&known.array, wanted)));
-        known.map_or(0, |known| known.memory.address())
+        wanted.and_then(|wanted| self.addresses.get(&wanted.identity())).copied().unwrap_or(0)
     }
 
     /// Brings all of `wanted`, in place of arrays that are not among `live`; frees the others of these. Elements to be
     /// scattered are added to `scattered`.
     pub(super) fn bring(
         &mut self,
-        device: &Device,
-        [wanted, live]: [&[TypedArray]; 2],
-        sent: &mut SentBytes,
+        [wanted, live]: [&ArrayList; 2],
+        sent: &mut SentBytes<'_>,
         scattered: &mut Vec<ScatteredWords>,
     ) -> Result<(), RenderError> {
-        let is_live = |known: &LentArray| live.iter().any(|array| is_same(&known.array, array));
+        let is_live = |known: &LentArray| live.known.contains(&known.array.identity());
         let (kept, mut stale): (Vec<_>, Vec<_>) = std::mem::take(&mut self.arrays).into_iter().partition(is_live);
+        self.addresses = kept.iter().map(LentArray::address).collect();
         self.arrays = kept;
-        for array in wanted {
+        for array in &wanted.arrays {
             if self.address(Some(array)) != 0 {
                 continue;
             }
@@ -106,38 +142,45 @@ impl LentArrays {
                 Some(LentArray { array: old, memory }) => {
                     match changed(old.view().bytes(), array.view().bytes(), array.element().size()) {
                         Some(entries) if entries.is_empty() => {}
-                        Some(entries) => scattered.push(scatter(device, sent, &memory, (array, &entries))?),
-                        None => sent.send(device, &memory, array.view().bytes())?,
+                        Some(entries) => scattered.push(ScatteredWords::new(sent, &memory, array, &entries)?),
+                        None => sent.send(&memory, array.view().bytes())?,
                     }
                     memory
                 }
-                None => sent.range(device, "array of instances", array.view().bytes())?,
+                None => sent.range("array of instances", array.view().bytes())?,
             };
-            self.arrays.push(LentArray { array: array.clone(), memory });
+            let known = LentArray { array: array.clone(), memory };
+            self.addresses.extend([known.address()]);
+            self.arrays.push(known);
         }
         Ok(())
     }
 }
 
-fn is_same(a: &TypedArray, b: &TypedArray) -> bool {
-    a.identity() == b.identity() && a.element() == b.element()
+impl LentArray {
+    fn address(&self) -> ((usize, usize), u64) {
+        (self.array.identity(), self.memory.address())
+    }
 }
 
-fn scatter(
-    device: &Device,
-    sent: &mut SentBytes,
-    target: &HeapRange,
-    (array, entries): (&TypedArray, &[u32]),
-) -> Result<ScatteredWords, RenderError> {
-    let words = array.element().size() / size_of::<u32>();
-    let count = entries.len() / (words + 1);
-    Ok(ScatteredWords {
-        entries: sent.range(device, "changed elements", bytemuck::cast_slice(entries))?,
-        target: target.address(),
-        // Arrays have fewer elements than 2^32.
-        count: u32::try_from(count).unwrap_or(u32::MAX),
-        words: u32::try_from(words).unwrap_or(0),
-    })
+impl ScatteredWords {
+    /// Number and words of elements of `array`, to be written to `target`.
+    fn new(
+        sent: &mut SentBytes<'_>,
+        target: &HeapRange,
+        array: &TypedArray,
+        entries: &[u32],
+    ) -> Result<Self, RenderError> {
+        let words = array.element().size() / size_of::<u32>();
+        let count = entries.len() / (words + 1);
+        Ok(Self {
+            entries: sent.range("changed elements", bytemuck::cast_slice(entries))?,
+            target: target.address(),
+            // Arrays have fewer elements than 2^32.
+            count: u32::try_from(count).unwrap_or(u32::MAX),
+            words: u32::try_from(words).unwrap_or(0),
+        })
+    }
 }
 
 /// Number and words of each element of `size` bytes, a multiple of 4, that differs; `None` if these are many.

@@ -7,7 +7,8 @@
 //! the device has no double precision, the host encodes chunks. Render thread only.
 
 use super::catalog::SceneAssets;
-use super::lent_arrays::{LentArrays, ScatteredWords, SentBytes};
+use super::copied::CopiedAssets;
+use super::lent_arrays::{ArrayList, LentArrays, ScatteredWords, SentBytes};
 use super::source::{AssetKey, AssetSource};
 use super::store::AssetStore;
 use crate::device::{Device, PassSpecialisation};
@@ -91,38 +92,39 @@ impl DevicePlacing {
         taken
     }
 
-    /// Brings what the passes read, and records them; returns the results to come, in the order of `moved`.
+    /// Brings what the passes read, and records them; returns the results to come, in the order of `moved`, and the
+    /// bytes sent.
     fn record(
         &mut self,
         device: &Device,
-        (moved, live): (&[MovedChunk<'_>], &[TypedArray]),
-        sent: &mut SentBytes,
-    ) -> Result<(CommandList, Buffer), RenderError> {
-        let mut wanted: Vec<TypedArray> = Vec::new();
-        moved.iter().for_each(|moved| add_arrays(&moved.members, &mut wanted));
-        let mut scattered = Vec::new();
-        self.arrays.bring(device, [&wanted, live], sent, &mut scattered)?;
+        (moved, live): (&[MovedChunk<'_>], &ArrayList),
+    ) -> Result<(CommandList, Buffer, u64), RenderError> {
+        let mut wanted = ArrayList::default();
+        moved.iter().for_each(|moved| wanted.add(arrays_of(&moved.members)));
+        let (mut sent, mut scattered) = (SentBytes::new(device)?, Vec::new());
+        self.arrays.bring([&wanted, live], &mut sent, &mut scattered)?;
         for MovedChunk { chunk, .. } in moved {
             if !self.shapes.contains_key(&chunk.shape()) {
                 let mut places: Vec<[u32; 2]> = Vec::with_capacity(chunk.len());
                 chunk.each_place(|member, number| places.push([member, number]));
-                let places = sent.range(device, "places of records", bytemuck::cast_slice(&places))?;
+                let places = sent.range("places of records", bytemuck::cast_slice(&places))?;
                 self.shapes.insert(chunk.shape(), PlacedShape { places, area: None });
             }
         }
         let members: Vec<GpuChunkMember> =
             moved.iter().flat_map(|moved| &moved.members).map(|member| self.describe(member)).collect();
-        let members = sent.range(device, "members of chunks", bytemuck::cast_slice(&members))?;
+        let members = sent.range("members of chunks", bytemuck::cast_slice(&members))?;
         let batches = batches(moved);
         let most = batches.iter().map(|batch| batch.iter().map(|moved| nodes_of(moved)).sum::<usize>()).max();
         let scratch = device.heap.alloc("bounds of nodes", (most.unwrap_or(1) * 28) as u64, 256)?;
         let chunks = self.chunks(&batches, &members, &scratch);
-        let chunks = sent.range(device, "chunks to place", bytemuck::cast_slice(&chunks))?;
+        let chunks = sent.range("chunks to place", bytemuck::cast_slice(&chunks))?;
         let result_bytes = (moved.len() * size_of::<GpuRefittedChunk>()) as u64;
         let results = device.heap.alloc("chunks placed", result_bytes, 256)?;
         let read = Buffer::new(&device.gpu, "chunks placed", result_bytes, BufferUsage::Readback)?;
         let mut commands = device.gpu.commands("place")?;
-        sent.submissions.iter().for_each(|copy| commands.wait_for(copy));
+        let CopiedAssets { submissions, bytes, .. } = sent.finish()?;
+        submissions.iter().for_each(|copy| commands.wait_for(copy));
         for range in [&members, &scratch, &chunks, &results] {
             commands.keep(range);
         }
@@ -137,7 +139,7 @@ impl DevicePlacing {
             first += count;
         }
         commands.copy(&results, 0, &read, 0, result_bytes);
-        Ok((commands, read))
+        Ok((commands, read, bytes))
     }
 
     /// The chunks for the passes; those of a batch have their own parts of the scratch memory.
@@ -224,10 +226,10 @@ impl AssetStore {
         let held: Vec<&Arc<Chunk>> = assets.held_chunks().collect();
         let live: FxHashSet<u64> = held.iter().map(|chunk| chunk.shape()).collect();
         self.placing.shapes.retain(|shape, _| live.contains(shape));
-        let (mut moved, mut arrays, mut described) = (Vec::new(), Vec::new(), 0);
+        let (mut moved, mut arrays, mut described) = (Vec::new(), ArrayList::default(), 0);
         for chunk in held {
             let Some(members) = chunk.placing().filter(|members| members.iter().all(is_known)) else { continue };
-            add_arrays(&members, &mut arrays);
+            arrays.add(arrays_of(&members));
             let from = before.get(&chunk.shape()).filter(|_| !rebuilt.contains(&chunk.shape()));
             let resident = from.and_then(|from| Some((from, self.get(from)?.address())));
             described += members.len() * size_of::<GpuChunkMember>();
@@ -238,9 +240,7 @@ impl AssetStore {
         if moved.is_empty() || described > MAX_DESCRIBED {
             return Ok((0, false));
         }
-        let mut sent = SentBytes::default();
-        let placed = self.placing.record(device, (&moved, &arrays), &mut sent);
-        let (commands, read) = placed?;
+        let (commands, read, bytes) = self.placing.record(device, (&moved, &arrays))?;
         if !commands.submit()?.wait(TIMEOUT)? {
             return Err(RenderError::Internal("placing instances did not finish".into()));
         }
@@ -250,7 +250,7 @@ impl AssetStore {
         self.shapes().note_placed(moved.len() as u64, moved.iter().map(|moved| moved.chunk.len() as u64).sum(), worn);
         moved.iter().for_each(|moved| self.take_over(&moved.from, AssetKey::Chunk(moved.chunk.key())));
         let left = before.iter().filter(|(shape, key)| !rebuilt.contains(shape) && self.get(key).is_some());
-        Ok((sent.bytes, left.count() == 0))
+        Ok((bytes, left.count() == 0))
     }
 }
 
@@ -309,11 +309,7 @@ fn is_known(member: &MemberPlacing) -> bool {
     })
 }
 
-/// Adds the arrays of members that are not listed yet.
-fn add_arrays(members: &[MemberPlacing], listed: &mut Vec<TypedArray>) {
-    for array in members.iter().flat_map(|member| &member.arrays).flatten().flatten() {
-        if !listed.iter().any(|known| known.identity() == array.identity()) {
-            listed.push(array.clone());
-        }
-    }
+/// The arrays that place the records of members.
+fn arrays_of(members: &[MemberPlacing]) -> impl Iterator<Item = &TypedArray> {
+    members.iter().flat_map(|member| &member.arrays).flatten().flatten()
 }

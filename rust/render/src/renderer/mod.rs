@@ -301,6 +301,7 @@ impl Renderer {
             }
         }
         if !in_core {
+            scene.store.stop_placing();
             gate.shared().places_moved.store(false, Ordering::Relaxed);
         }
         progress.streaming(|stats| stats.in_core = in_core);
