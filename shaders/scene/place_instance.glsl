@@ -125,15 +125,17 @@ bool local_map(GpuChunkMember member, uint number, out Affine m) {
     return true;
 }
 
-float next_below(float v) {
-    const uint bits = floatBitsToUint(v);
-    if (v == 0.0) return uintBitsToFloat(0x80000001u);
-    return uintBitsToFloat(v > 0.0 ? bits - 1u : bits + 1u);
-}
-
+// The largest float that is not above `v`, by its bits: a driver may take a double that went through a float for the
+// double. Not finite where `v` is beyond all floats; numbers below the normal floats become 0 or the negative of the
+// least of these.
 float rounded_down(double v) {
-    const float f = float(v);
-    return double(f) > v ? next_below(f) : f;
+    const uvec2 bits = unpackDouble2x32(v);
+    const uint sign = bits.y & 0x80000000u;
+    const int exponent = int((bits.y >> 20) & 0x7ffu) - 1023 + 127;
+    if (exponent <= 0) return sign != 0u && v != 0.0LF ? uintBitsToFloat(0x80800000u) : 0.0;
+    if (exponent >= 255) return uintBitsToFloat(sign | 0x7f800000u);
+    const uint towards_zero = sign | uint(exponent) << 23 | (bits.y & 0xfffffu) << 3 | bits.x >> 29;
+    return uintBitsToFloat(sign != 0u && (bits.x & 0x1fffffffu) != 0u ? towards_zero + 1u : towards_zero);
 }
 
 // The box of a target that is placed, about the map's translation, and how far rounding may move it.

@@ -68,11 +68,14 @@ uint list_levels(GpuHeldChunk chunk) {
     return levels;
 }
 
-// The biased exponent of the smallest power of two that is a normal float and not below `edge`.
+// The biased exponent of the smallest power of two that is a normal float and of which 255 are not below `edge`; without
+// a division, which drivers may round twice.
 uint cell_exponent(double edge) {
     const uvec2 bits = unpackDouble2x32(edge);
-    const uint exponent = (bits.y >> 20) + (((bits.y & 0xfffffu) | bits.x) != 0u ? 1u : 0u);
-    return clamp(exponent - min(exponent, 1023u - 127u), 1u, 253u);
+    const uint fraction = bits.y & 0xfffffu;
+    const bool is_above = fraction > 0xfe000u || (fraction == 0xfe000u && bits.x != 0u);
+    const uint exponent = (bits.y >> 20) + (is_above ? 1u : 0u);
+    return clamp(exponent - min(exponent, 1023u - 127u + 7u), 1u, 253u);
 }
 
 uint floor_of(double cells) {
@@ -95,7 +98,7 @@ void write_bounds(TreeNodes nodes, uint node, vec3 lower[4], vec3 upper[4], vec3
         const float spare = max(max(most * (1.0 / 256.0) - least * (1.0 / 256.0), abs(least) * (1.0 / 4194304.0)), 1e-30);
         const float from = least - spare;
         origins[axis] = floatBitsToUint(from);
-        const uint exponent = cell_exponent((double(most) - double(from)) / CELLS);
+        const uint exponent = cell_exponent(double(most) - double(from));
         const double per_cell = 1.0LF / double(uintBitsToFloat(exponent << 23));
         cell |= exponent << (8u * axis);
         uint low = 0u, high = 0u;

@@ -205,7 +205,7 @@ impl Chunk {
     }
 
     /// Box of all records in the chunk's frame; contains the boxes that [`Chunk::encode`] gives. Of a chunk that waits
-    /// to be measured ([`Chunk::is_late`]) those that it was measured with last.
+    /// to be measured ([`Chunk::is_late`]) a guess: those that it was measured with last.
     #[must_use]
     pub fn bounds(&self) -> Aabb {
         self.late.as_ref().and_then(|late| late.get().copied()).unwrap_or(self.bounds)
@@ -412,14 +412,14 @@ impl Chunk {
         Some((self.which.get(at).unwrap_or(0), *self.ranks.get(at)?))
     }
 
-    /// The chunk whose records, which `members` place now, fill `bounds`, or are not measured yet; without key.
-    pub(crate) fn moved(&self, members: Arc<[AssemblyMember]>, bounds: Option<Aabb>) -> Self {
+    /// The chunk whose records, which `members` place now, fill `bounds`, or, if it is late, may do so; without key.
+    pub(crate) fn moved(&self, members: Arc<[AssemblyMember]>, bounds: Aabb, is_late: bool) -> Self {
         let held = self.held.unwrap_or_else(|| HeldChunk { shape: self.key, area: self.bounds.half_area() });
         Self {
             key: 0,
             origin: self.origin,
-            bounds: bounds.unwrap_or_else(|| self.bounds()),
-            late: bounds.is_none().then(OnceLock::new),
+            bounds,
+            late: is_late.then(OnceLock::new),
             targets: self.targets.clone(),
             columns: self.columns.clone(),
             moves: self.moves,

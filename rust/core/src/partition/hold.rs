@@ -6,8 +6,9 @@
 //! changes, or when the boxes have grown so that rays would enter too many chunks. Only live scenes hold: chunks of
 //! others are a function of the scene alone.
 //!
-//! Where what moves is measured late, the chunk has the bounds that it was measured with last until somebody measures
-//! it again, and growth is seen a commit later.
+//! Where what moves is measured late, the chunk has the bounds that it was measured with last, with those of a few of
+//! its records, until somebody measures it again. What is torn apart is seen by these; that one record is far away is
+//! seen a commit later.
 
 use std::sync::Arc;
 
@@ -19,6 +20,7 @@ use super::chunk::{Chunk, MemberReaders};
 use super::part::{AssemblyPart, PartitionJob};
 use crate::instancing::assembly::{AssemblyMember, MovedRanks};
 use crate::instancing::item::PlacementItem;
+use crate::mesh::Aabb;
 
 /// Number of moved records from which chunks are held. Cutting fewer anew costs little.
 pub const HELD_FROM: usize = 1 << 13;
@@ -26,6 +28,8 @@ pub const HELD_FROM: usize = 1 << 13;
 const GROWN: f64 = 2.0;
 /// The same for a single box: records are single precision relative to the middle of what their chunk was.
 const APART: f64 = 64.0;
+/// Records of a chunk that are measured where the others are measured late.
+const SAMPLES: usize = 16;
 
 /// The records of a member that have moved since the last partition.
 enum MovedRecords {
@@ -121,7 +125,8 @@ impl HeldMembers<'_> {
         let members: Arc<[AssemblyMember]> =
             places.iter().filter_map(|&place| self.members.get(place)).map(|&member| member.clone()).collect();
         if chunk.is_late() || moved.iter().any(|moved| matches!(moved, MovedRecords::Late)) {
-            return Some(Arc::new(chunk.moved(members, None)));
+            let bounds = chunk.bounds().union(&sampled(chunk, &members));
+            return Some(Arc::new(chunk.moved(members, bounds, true)));
         }
         let mut readers = MemberReaders::new(&members, None);
         let (mut around, mut spread, mut count) = ([DVec3::INFINITY, DVec3::NEG_INFINITY], 0.0_f32, 0);
@@ -148,7 +153,7 @@ impl HeldMembers<'_> {
         let bounds = chunk.bounds_of(around, f64::from(spread));
         // Of the records that stay, no more is known than their box together with the others.
         let bounds = if count < chunk.len() { bounds.union(&chunk.bounds()) } else { bounds };
-        Some(Arc::new(chunk.moved(members, Some(bounds))))
+        Some(Arc::new(chunk.moved(members, bounds, false)))
     }
 
     /// Leaves the items to those who cut.
@@ -159,6 +164,20 @@ impl HeldMembers<'_> {
             }
         }
     }
+}
+
+/// The box of a few records of a chunk where they are now.
+fn sampled(chunk: &Chunk, members: &[AssemblyMember]) -> Aabb {
+    let mut readers = MemberReaders::new(members, None);
+    let step = chunk.len().div_ceil(SAMPLES).max(1);
+    let places = (0..chunk.len()).step_by(step).filter_map(|at| chunk.place(at));
+    let items = places.filter_map(|(which, rank)| readers.item(which, rank));
+    let none = ([DVec3::INFINITY, DVec3::NEG_INFINITY], 0.0_f32);
+    let (around, spread) = items.fold(none, |([min, max], spread), item| {
+        let (center, half) = (item.center(), DVec3::from(item.half().map(f64::from)));
+        ([min.min(center - half), max.max(center + half)], spread.max(item.spread()))
+    });
+    if around[0].x > around[1].x { Aabb::EMPTY } else { chunk.bounds_of(around, f64::from(spread)) }
 }
 
 /// Whether the records of each chunk are still near each other.

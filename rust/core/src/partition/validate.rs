@@ -217,11 +217,20 @@ impl PartitionCheck<'_> {
             if (present.target, present.prim_id) != (member.target, member.prim_id) {
                 return Err("a member is not the present one");
             }
-            let mut item = member.run.reader(None).item(rank).ok_or("a record is not usable")?;
+            targets.insert(record.target);
+            let item = member.run.reader(None).item(rank);
+            if item.is_none() && chunk.was_late() {
+                // Nobody looked; no ray finds it.
+                if record.bounds[0] <= record.bounds[1] {
+                    return Err("a record that is not usable has a box");
+                }
+                keys.push(ItemKey { code: 0, id: u64::from(number) << 32 | u64::from(rank) });
+                continue;
+            }
+            let mut item = item.ok_or("a record is not usable")?;
             self.lattice.place(&mut item, number);
             keys.push(item.key());
             items.push(item);
-            targets.insert(record.target);
             let inside = self.bounds_of(record.target).ok_or("a target is out of range")?;
             validate_record(record, &inside, &chunk.bounds())?;
             let matrix = member.run.reader(None).matrix(rank).ok_or("a record is not usable")?;

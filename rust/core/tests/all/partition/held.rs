@@ -290,18 +290,25 @@ fn what_moves_is_measured_when_somebody_asks() {
 }
 
 #[test]
-fn growth_is_seen_a_commit_later_where_chunks_are_measured_late() {
+fn what_is_torn_apart_is_cut_at_once_and_one_that_is_far_a_commit_later() {
     let mut crowd = Crowd::new();
     let mut db = database(&crowd, true);
     db.set_late(true);
     let chunks = committed(&mut db).world.chunks.len();
+    crowd.stir(1, 0.1, 0);
+    assert_eq!(held(&edited(&mut db, &crowd)), chunks, "held");
     crowd.points.rotate_left(COUNT / 3);
     let mixed = edited(&mut db, &crowd);
-    assert_eq!(held(&mixed), chunks, "nobody knows");
-    drop(shown(&mixed));
-    crowd.stir(1, 0.1, 0);
+    assert_eq!(held(&mixed), 0, "some of each chunk are all over the scene");
+    assert_same_world(&fresh(&crowd), &mixed);
+    crowd.points[5] = [3000.0, 0.0, 0.0];
+    crowd.stir(2, 0.1, 2);
+    let apart = edited(&mut db, &crowd);
+    assert_eq!(held(&apart), mixed.world.chunks.len(), "nobody knows");
+    drop(shown(&apart));
+    crowd.stir(2, 0.1, 3);
     let next = edited(&mut db, &crowd);
-    assert_eq!(held(&next), 0, "boxes as large as the scene");
+    assert_eq!(held(&next), 0, "one is apart");
     assert_same_world(&fresh(&crowd), &next);
 }
 

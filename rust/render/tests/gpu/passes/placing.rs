@@ -200,14 +200,14 @@ fn the_device_places_and_refits_as_the_host_does() {
             for (at, (found, expected)) in found.chunks(64).zip(expected.chunks(64)).enumerate() {
                 assert_eq!(found, expected, "frame {frame}, record {at} of {}", chunk.len());
             }
+            let all = moved.iter().fold(Aabb::EMPTY, |all, b| all.union(b));
+            assert_eq!(Aabb { min: result.min, max: result.max }, all, "its box");
             for (at, (found, expected)) in nodes.iter().zip(&refitted.tree.nodes).enumerate() {
                 // A node without anything in it has no planes of the host.
                 let is_empty = found.lower == [u32::MAX; 3] && found.upper == [0; 3];
-                assert!(found == expected || (is_empty && expected.cell == 0), "node {at}: {found:?} {expected:?}");
+                assert!(found == expected || (is_empty && expected.cell == 0), "node {at}: {found:?} {expected:?} {:?}", found.child.iter().map(|c| moved.get((c & 0x7fff_ffff) as usize)).collect::<Vec<_>>());
                 assert_eq!(found.child, expected.child, "node {at}");
             }
-            let all = moved.iter().fold(Aabb::EMPTY, |all, b| all.union(b));
-            assert_eq!(Aabb { min: result.min, max: result.max }, all, "its box");
             let area = f64::from_bits(result.area);
             let host = shape.refit(&boxes).map(|_| refitted.growth).expect("as many");
             let base = f64::from_bits(placed(&gpu, rest, &records, &tree.nodes).2.area);
