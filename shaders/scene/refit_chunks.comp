@@ -19,8 +19,8 @@ layout(buffer_reference, scalar, buffer_reference_align = 16) buffer TreeNodes {
 layout(buffer_reference, scalar, buffer_reference_align = 4) coherent buffer NodeBoxes { float v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) coherent buffer NodeOrder { uint v[]; };
 
-// Unused planes and margins as in rust/core/src/mesh/bvh4.rs.
-const double CELLS = 255.0LF;
+// As in rust/core/src/mesh/bvh4.rs.
+const double LAST_PLANE = 255.0LF;
 const double MARGIN = 1.0LF / 8192.0LF;
 #define NOWHERE vec3(uintBitsToFloat(0x7f800000u))
 
@@ -68,18 +68,18 @@ uint list_levels(GpuHeldChunk chunk) {
     return levels;
 }
 
-// The biased exponent of the smallest power of two that is a normal float and of which 255 are not below `edge`; without
-// a division, which drivers may round twice.
+// The biased exponent of the smallest power of two that is a normal float and of which 253 cells are not below `edge`,
+// without a division, which drivers may round twice.
 uint cell_exponent(double edge) {
     const uvec2 bits = unpackDouble2x32(edge);
     const uint fraction = bits.y & 0xfffffu;
-    const bool is_above = fraction > 0xfe000u || (fraction == 0xfe000u && bits.x != 0u);
+    const bool is_above = fraction > 0xfa000u || (fraction == 0xfa000u && bits.x != 0u);
     const uint exponent = (bits.y >> 20) + (is_above ? 1u : 0u);
     return clamp(exponent - min(exponent, 1023u - 127u + 7u), 1u, 253u);
 }
 
 uint floor_of(double cells) {
-    return uint(clamp(cells, 0.0LF, CELLS));
+    return uint(clamp(cells, 0.0LF, LAST_PLANE));
 }
 
 uint ceil_of(double cells) {

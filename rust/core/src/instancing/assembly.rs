@@ -4,6 +4,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
+use super::diff::ChangedNumbers;
 use super::instance_primvars::{ColumnReader, InstanceColumn, MemberPrimvar, value_bytes, write_value};
 use super::motion::{MotionKey, PlacementKeys};
 use super::placement::PlacedInstance;
@@ -294,6 +295,8 @@ pub(crate) enum MovedRanks {
     Nothing,
     /// These, in order.
     Ranks(Arc<Vec<u32>>),
+    /// Those of these instances, which were not measured.
+    Numbers(Arc<ChangedNumbers>),
     All,
 }
 
@@ -331,8 +334,9 @@ impl AssemblyMember {
         if Arc::ptr_eq(&self.run, &next.run) {
             return Some(MovedRanks::Nothing);
         }
-        let ranks = next.run.edits_of(&self.run);
-        next.run.has_ranks_of(&self.run).then(|| ranks.map_or(MovedRanks::All, MovedRanks::Ranks))
+        let ranks = next.run.edits_of(&self.run).map(MovedRanks::Ranks);
+        let moved = ranks.or_else(|| next.run.moves_of(&self.run).map(MovedRanks::Numbers));
+        next.run.has_ranks_of(&self.run).then(|| moved.unwrap_or(MovedRanks::All))
     }
 
     /// Number of records of an instancer's prototype, for instance ids.

@@ -19,6 +19,7 @@ use rustc_hash::FxHashMap;
 use super::chunk::{Chunk, MemberReaders};
 use super::part::{AssemblyPart, PartitionJob};
 use crate::instancing::assembly::{AssemblyMember, MovedRanks};
+use crate::instancing::diff::ChangedNumbers;
 use crate::instancing::item::PlacementItem;
 use crate::mesh::Aabb;
 
@@ -40,6 +41,8 @@ enum MovedRecords {
     All(Vec<PlacementItem>),
     /// All, and nobody has looked where.
     Late,
+    /// The same for these instances.
+    LateNumbers(Arc<ChangedNumbers>),
 }
 
 /// The members of an assembly while its chunks are held.
@@ -90,6 +93,7 @@ impl MovedRanks {
         match self {
             Self::Nothing => 0,
             Self::Ranks(ranks) => ranks.len(),
+            Self::Numbers(numbers) => numbers.len().min(member.run.len()),
             Self::All => member.run.len(),
         }
     }
@@ -108,10 +112,31 @@ impl MovedRecords {
                 }
                 Self::Ranks(bits)
             }
+            MovedRanks::Numbers(numbers) => Self::LateNumbers(Arc::clone(numbers)),
             MovedRanks::All if !member.run.is_measured() => Self::Late,
             MovedRanks::All => Self::All(member.run.take_items()),
         }
     }
+}
+
+impl MovedRecords {
+    fn is_late(&self) -> bool {
+        matches!(self, Self::Late | Self::LateNumbers(_))
+    }
+}
+
+/// Whether some record of a chunk, whose members are given with what moved of each, is somewhere where nobody looked.
+fn has_late(chunk: &Chunk, members: &[AssemblyMember], moved: &[&MovedRecords]) -> bool {
+    let numbers: Vec<_> = members.iter().map(|member| member.run.numbers()).collect();
+    let is_late = |(which, rank): (u32, u32)| match moved.get(which as usize) {
+        Some(MovedRecords::Late) => true,
+        Some(MovedRecords::LateNumbers(changed)) => {
+            let number = numbers.get(which as usize).and_then(|numbers| numbers.of(rank).flatten());
+            number.is_none_or(|number| changed.contains(number))
+        }
+        _ => false,
+    };
+    (0..chunk.len()).filter_map(|at| chunk.place(at)).any(is_late)
 }
 
 impl HeldMembers<'_> {
@@ -124,7 +149,7 @@ impl HeldMembers<'_> {
         }
         let members: Arc<[AssemblyMember]> =
             places.iter().filter_map(|&place| self.members.get(place)).map(|&member| member.clone()).collect();
-        if chunk.is_late() || moved.iter().any(|moved| matches!(moved, MovedRecords::Late)) {
+        if chunk.is_late() || moved.iter().any(|moved| moved.is_late()) && has_late(chunk, &members, &moved) {
             let bounds = chunk.bounds().union(&sampled(chunk, &members));
             return Some(Arc::new(chunk.moved(members, bounds, true)));
         }
@@ -133,7 +158,7 @@ impl HeldMembers<'_> {
         for at in 0..chunk.len() {
             let (which, rank) = chunk.place(at)?;
             let item = match *moved.get(which as usize)? {
-                MovedRecords::Nothing | MovedRecords::Late => continue,
+                MovedRecords::Nothing | MovedRecords::Late | MovedRecords::LateNumbers(_) => continue,
                 MovedRecords::Ranks(bits) => match bits.get(rank as usize / 64) {
                     Some(word) if word >> (rank % 64) & 1 == 1 => readers.item(which, rank)?,
                     _ => continue,

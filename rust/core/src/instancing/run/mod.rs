@@ -15,10 +15,14 @@ use scan::ScannedRanks;
 pub(crate) use scan::{ItemBucketing, ScanOutput, UNUSABLE};
 
 use super::arrays::InstanceArrays;
+use super::diff::ChangedNumbers;
 use super::placement::{InstancePlacer, KeyPlacer, PlacedInstance};
 use crate::array::TypedArray;
 use crate::desc::DroppedData;
 use crate::mesh::Aabb;
+
+/// Number of instances that moved from which on they are not measured, if they need not be.
+const MEASURED: usize = 1 << 10;
 
 /// The instances of one prototype.
 #[derive(Clone, Debug)]
@@ -132,6 +136,8 @@ pub(crate) struct InstanceRun {
     is_measured: bool,
     /// The run that this one was made from, and the ranks that may differ from it.
     edits: Option<(Weak<Self>, Arc<Vec<u32>>)>,
+    /// The same for a run that is not measured: the instances that may be elsewhere.
+    moves: Option<(Weak<Self>, Arc<ChangedNumbers>)>,
     /// Results of the scan that the partition takes.
     kept: Mutex<ScannedRanks>,
 }
@@ -144,8 +150,13 @@ impl InstanceRun {
         if old.spec.is_same(spec) {
             return Some(old.clone());
         }
-        let edited = if old.is_measured { Self::edited(old, spec) } else { None };
-        edited.or_else(|| if late { Self::moved(old, spec) } else { None }).map(Arc::new)
+        let edited = || if old.is_measured { Self::edited(old, spec) } else { None };
+        if !late {
+            return edited().map(Arc::new);
+        }
+        let moved = || Self::moved(old, spec);
+        let many = old.changed_numbers(spec).is_none_or(|changed| changed.len() >= MEASURED);
+        if many { moved().or_else(edited) } else { edited().or_else(moved) }.map(Arc::new)
     }
 
     /// Whether it is known where its placements are, and which are usable.
@@ -166,6 +177,7 @@ impl InstanceRun {
             dropped: DroppedData::default(),
             is_measured: true,
             edits: None,
+            moves: None,
             kept: Mutex::default(),
         };
         if run.spec.target_bounds.is_empty() {

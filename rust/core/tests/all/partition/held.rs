@@ -290,6 +290,31 @@ fn what_moves_is_measured_when_somebody_asks() {
 }
 
 #[test]
+fn chunks_in_which_nothing_moved_stay_where_others_are_measured_late() {
+    let mut crowd = Crowd::new();
+    let mut db = database(&crowd, true);
+    db.set_late(true);
+    committed(&mut db);
+    crowd.stir(1, 0.1, 0);
+    let all = edited(&mut db, &crowd);
+    assert_eq!(held(&all), all.world.chunks.len(), "all are held");
+    drop(shown(&all));
+    // A corner of the cube, and then a single one.
+    let is_near = |point: &[f32; 3]| point.iter().all(|v| *v < -0.1 * SIDE);
+    let near = crowd.points.iter_mut().filter(|point| is_near(point));
+    assert!(near.map(|point| point[1] += 0.01).count() > 1000, "enough");
+    let some = edited(&mut db, &crowd);
+    let late = some.world.chunks.iter().filter(|chunk| chunk.is_late()).count();
+    let kept = keys(&some).intersection(&keys(&all)).count();
+    assert!(late > 2 && kept > 20 && late + kept == some.world.chunks.len(), "{late} moved, {kept} stay");
+    assert_same_leaves(flatten_world(&shown(&some)), flatten_world(&fresh(&crowd)));
+    crowd.points[7][0] += 0.01;
+    let one = edited(&mut db, &crowd);
+    assert_eq!(keys(&one).difference(&keys(&some)).count(), 1, "one chunk");
+    assert_same_leaves(flatten_world(&shown(&one)), flatten_world(&fresh(&crowd)));
+}
+
+#[test]
 fn what_is_torn_apart_is_cut_at_once_and_one_that_is_far_a_commit_later() {
     let mut crowd = Crowd::new();
     let mut db = database(&crowd, true);

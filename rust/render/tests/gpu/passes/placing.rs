@@ -22,8 +22,8 @@ use std::time::Duration;
 
 const COUNT: usize = HELD_FROM / 2 + 100;
 
-/// Numbers at which placements go wrong.
-const HOSTILE: [f32; 8] = [f32::NAN, f32::INFINITY, 1e30, -1e17, 3e18, 0.0, 1e-30, 1e-20];
+/// Numbers at which placements go wrong, but none is far away for it.
+const HOSTILE: [f32; 8] = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1e30, -1e22, 0.0, 1e-30, 1e-20];
 
 /// Instances in a slab, moved a little by each frame; some are hostile in later ones.
 fn crowd(path: &str, kind: usize, frame: u32) -> InstancerDesc {
@@ -187,7 +187,7 @@ fn the_device_places_and_refits_as_the_host_does() {
     for frame in [1, 2, 3] {
         let after = commit(&mut db, frame);
         let held = after.world.chunks.iter().filter(|chunk| chunk.is_held());
-        assert!(held.clone().all(|chunk| chunk.is_late()), "nothing was measured");
+        assert!(held.clone().count() > 20 && held.clone().all(|chunk| chunk.is_late()), "nothing was measured");
         // Those of all kinds of instancers.
         for chunk in held.step_by(3) {
             let rest = before.world.chunks.iter().find(|old| old.key() == chunk.shape()).expect("of this shape");
@@ -205,7 +205,7 @@ fn the_device_places_and_refits_as_the_host_does() {
             for (at, (found, expected)) in nodes.iter().zip(&refitted.tree.nodes).enumerate() {
                 // A node without anything in it has no planes of the host.
                 let is_empty = found.lower == [u32::MAX; 3] && found.upper == [0; 3];
-                assert!(found == expected || (is_empty && expected.cell == 0), "node {at}: {found:?} {expected:?} {:?}", found.child.iter().map(|c| moved.get((c & 0x7fff_ffff) as usize)).collect::<Vec<_>>());
+                assert!(found == expected || (is_empty && expected.cell == 0), "node {at}: {found:?} {expected:?}");
                 assert_eq!(found.child, expected.child, "node {at}");
             }
             let area = f64::from_bits(result.area);
