@@ -384,12 +384,8 @@ impl SceneDb {
         loop {
             let (made, origin) = self.assembly_store.make(plan, assets, (self.partition.item_bytes(), late));
             let (assemblies, buckets): (Vec<_>, Vec<_>) = made.into_iter().unzip();
-            let source = PartitionSource {
-                groups: &groups,
-                meshes: &assets.meshes,
-                assemblies: &assemblies,
-                buckets: &buckets,
-            };
+            let source =
+                PartitionSource { groups: &groups, meshes: &assets.meshes, assemblies: &assemblies, buckets: &buckets };
             match self.partition.update(source) {
                 Some(world) => return (assemblies, origin, world),
                 // Without runs that are late there is always one.

@@ -45,7 +45,8 @@ impl Snapshot {
     fn validate_assembly(&self, at: usize, levels: &[u32], placed: &[u128]) -> Result<(u32, u128), SnapshotError> {
         let assembly = &self.assemblies[at];
         // Of what is measured late the box is not known.
-        let bounds = if assembly.is_measured() { assembly.bounds() } else { Aabb { min: [f32::MIN; 3], max: [f32::MAX; 3] } };
+        let bounds =
+            if assembly.is_measured() { assembly.bounds() } else { Aabb { min: [f32::MIN; 3], max: [f32::MAX; 3] } };
         let mut batch = vec![InstanceRecord::default(); BATCH.min(assembly.len())];
         let (mut deepest, mut count) = (0, 0_u128);
         let mut start = 0;

@@ -198,7 +198,8 @@ impl DeviceScene {
         }
         if let Some(world) = self.is_new.then(|| self.assets.snapshot.world.measured()).flatten() {
             let assets = Arc::get_mut(&mut self.assets);
-            let assets = assets.ok_or_else(|| RenderError::Internal("assets are in use before they are there".into()))?;
+            let assets =
+                assets.ok_or_else(|| RenderError::Internal("assets are in use before they are there".into()))?;
             assets.bound(&world);
         }
         self.is_new = false;

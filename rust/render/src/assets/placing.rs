@@ -282,7 +282,8 @@ fn scatter(device: &Device, commands: &mut CommandList, scattered: &[ScatteredWo
     let pass = device.pipeline(&scene::SCENE_SCATTER_WORDS, plain())?;
     for ScatteredWords { entries, target, count, words } in scattered {
         commands.keep(entries);
-        let push = PlacingPush { source: entries.address(), target: *target, count: *count, words: *words, pad: [0; 2] };
+        let push =
+            PlacingPush { source: entries.address(), target: *target, count: *count, words: *words, pad: [0; 2] };
         commands.dispatch(&pass, bytemuck::bytes_of(&push), groups((*count).into()));
     }
     Ok(())
@@ -304,9 +305,9 @@ fn is_known(member: &MemberPlacing) -> bool {
     use ElementType::{Matrix4d, Quatf, Quath, Vec3f};
     let read: [&[ElementType]; 4] = [&[Vec3f], &[Quatf, Quath], &[Vec3f], &[Matrix4d]];
     let arrays = member.arrays.iter().flat_map(|arrays| arrays.iter().zip(read));
-    arrays.filter_map(|(array, read)| Some((array.as_ref()?, read))).all(|(array, read)| {
-        read.contains(&array.element()) && array.len() <= MAX_ELEMENTS
-    })
+    arrays
+        .filter_map(|(array, read)| Some((array.as_ref()?, read)))
+        .all(|(array, read)| read.contains(&array.element()) && array.len() <= MAX_ELEMENTS)
 }
 
 /// The arrays that place the records of members.

@@ -34,10 +34,18 @@ fn crowd(path: &str, kind: usize, frame: u32) -> InstancerDesc {
         let moved = 0.1 * DVec3::new(at.cos(), at.sin(), 0.0);
         let turned = DQuat::from_xyzw(at.sin(), 0.3, 0.1 * turn, 0.5 + at.cos());
         let mirror = if n.is_multiple_of(5) { -1.0 } else { 1.0 };
-        (DVec3::new(8.0 * x - 4.0, y, 8.0 * z - 4.0) + moved, turned, DVec3::new(0.03, mirror * 0.05 * (1.0 + turn), 0.04))
+        (
+            DVec3::new(8.0 * x - 4.0, y, 8.0 * z - 4.0) + moved,
+            turned,
+            DVec3::new(0.03, mirror * 0.05 * (1.0 + turn), 0.04),
+        )
     };
     let places: Vec<_> = (0..COUNT).map(place).collect();
-    let mut desc = instancer(prim(path, DMat4::from_rotation_z(0.3) * DMat4::from_scale(DVec3::splat(1.5))), &format!("{path}/ball"), &places);
+    let mut desc = instancer(
+        prim(path, DMat4::from_rotation_z(0.3) * DMat4::from_scale(DVec3::splat(1.5))),
+        &format!("{path}/ball"),
+        &places,
+    );
     let mut points: Vec<[f32; 3]> = places.iter().map(|p| p.0.as_vec3().to_array()).collect();
     let mut scales: Vec<[f32; 3]> = places.iter().map(|p| p.2.as_vec3().to_array()).collect();
     for _ in 0..if frame > 1 { 40 } else { 0 } {
@@ -50,9 +58,7 @@ fn crowd(path: &str, kind: usize, frame: u32) -> InstancerDesc {
     match kind {
         0 => {}
         1 => {
-            let halves = |n: usize| -> [half::f16; 4] {
-                places[n].1.to_array().map(half::f16::from_f64)
-            };
+            let halves = |n: usize| -> [half::f16; 4] { places[n].1.to_array().map(half::f16::from_f64) };
             let halves: Vec<[half::f16; 4]> = (0..COUNT).map(halves).collect();
             desc.rotations = Some(TypedArray::from_vec(ElementType::Quath, halves).expect("four halves"));
         }
@@ -101,7 +107,12 @@ fn run(gpu: &Arc<Gpu>, module: &ShaderModule, push: PlacingPush, size: [u32; 3],
 }
 
 /// Records, nodes and results of a chunk by the device, whose records and tree were `records` and `nodes`.
-fn placed(gpu: &Arc<Gpu>, chunk: &Chunk, records: &[u8], nodes: &[LevelNode]) -> (Vec<u8>, Vec<LevelNode>, GpuRefittedChunk) {
+fn placed(
+    gpu: &Arc<Gpu>,
+    chunk: &Chunk,
+    records: &[u8],
+    nodes: &[LevelNode],
+) -> (Vec<u8>, Vec<LevelNode>, GpuRefittedChunk) {
     let members = chunk.placing().expect("at rest");
     let mut arrays: Vec<Buffer> = Vec::new();
     let mut described = Vec::new();
@@ -126,16 +137,21 @@ fn placed(gpu: &Arc<Gpu>, chunk: &Chunk, records: &[u8], nodes: &[LevelNode]) ->
             scales: address(2),
             transforms: address(3),
             count: u32::try_from(member.count).expect("few"),
-            flags: [(lent.is_some(), MEMBER_INSTANCED), (member.after.is_some(), MEMBER_AFTER), (is_half, MEMBER_HALVES)]
-                .into_iter()
-                .filter(|(is_set, _)| *is_set)
-                .map(|(_, flag)| flag)
-                .sum(),
+            flags: [
+                (lent.is_some(), MEMBER_INSTANCED),
+                (member.after.is_some(), MEMBER_AFTER),
+                (is_half, MEMBER_HALVES),
+            ]
+            .into_iter()
+            .filter(|(is_set, _)| *is_set)
+            .map(|(_, flag)| flag)
+            .sum(),
         });
     }
     let mut places: Vec<[u32; 2]> = Vec::new();
     chunk.each_place(|member, number| places.push([member, number]));
-    let inputs = [bytemuck::cast_slice(&described), bytemuck::cast_slice(&places), records, bytemuck::cast_slice(nodes)];
+    let inputs =
+        [bytemuck::cast_slice(&described), bytemuck::cast_slice(&places), records, bytemuck::cast_slice(nodes)];
     let [members, places, records_on, nodes_on] = inputs.map(|bytes: &[u8]| upload(gpu, bytes));
     let scratch = Buffer::new(gpu, "scratch", 28 * nodes.len() as u64, BufferUsage::Device).expect("small");
     let held = GpuHeldChunk {
