@@ -267,12 +267,17 @@ fn layouts() -> Vec<check::HostLayout> {
     abi::LAYOUTS.iter().map(layout).collect()
 }
 
-/// Rust source of the statics `passes::NAME` and, for the programs of `shaders/check`, `checks::NAME`.
+/// Rust source of the statics `passes::NAME` and, for what is in `shaders/scene`, `scene::NAME`, for the programs of
+/// `shaders/check`, `checks::NAME`.
 fn modules(modules: &[(String, uses::ModuleUses)]) -> String {
-    let (checks, passes): (Vec<_>, Vec<_>) = modules.iter().partition(|(name, _)| name.starts_with("check_"));
+    let (checks, others): (Vec<_>, Vec<_>) = modules.iter().partition(|(name, _)| name.starts_with("check_"));
+    let (scene, passes): (Vec<_>, Vec<_>) = others.into_iter().partition(|(name, _)| name.starts_with("scene_"));
     let mut text = String::new();
-    let groups =
-        [("passes", "Every compiled pass, under its own name", &passes), ("checks", "Programs of tests", &checks)];
+    let groups = [
+        ("passes", "Every compiled pass, under its own name", &passes),
+        ("scene", "What prepares the scene, before the passes of a frame", &scene),
+        ("checks", "Programs of tests", &checks),
+    ];
     for (group, doc, modules) in groups {
         let _infallible = write!(text, "/// {doc}.\npub mod {group} {{\n    use super::ShaderModule;\n");
         for (name, uses) in modules {
@@ -292,10 +297,13 @@ fn modules(modules: &[(String, uses::ModuleUses)]) -> String {
         }
         text.push_str("}\n\n");
     }
-    text.push_str("/// Every compiled pass.\npub static ALL: &[&ShaderModule] = &[\n");
-    for (name, _) in passes {
-        let _infallible = writeln!(text, "    &passes::{},", name.to_uppercase());
+    let lists = [("ALL", "Every compiled pass", "passes", passes), ("SCENE", "All of [`scene`]", "scene", scene)];
+    for (list, doc, group, modules) in lists {
+        let _infallible = writeln!(text, "/// {doc}.\npub static {list}: &[&ShaderModule] = &[");
+        for (name, _) in modules {
+            let _infallible = writeln!(text, "    &{group}::{},", name.to_uppercase());
+        }
+        text.push_str("];\n");
     }
-    text.push_str("];\n");
     text
 }

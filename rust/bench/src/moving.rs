@@ -17,6 +17,8 @@ use oocpt_scenes::forest;
 
 /// Radius of the circle that an instance goes around, units; its meshes are about one wide.
 const RADIUS: f64 = 0.5;
+/// Frames that do not count.
+const BEFORE: u32 = 2;
 /// Frames of a circle.
 const FRAMES: f64 = 48.0;
 
@@ -29,7 +31,7 @@ pub(crate) struct Arguments {
     /// Per cent of them that move, spread evenly.
     #[arg(long, value_delimiter = ',', default_value = "100,1")]
     percents: Vec<u32>,
-    /// Frames that count; one more goes before.
+    /// Frames that count; two more go before.
     #[arg(long, default_value_t = 5)]
     frames: u32,
     /// Moves them by velocities while the shutter is open, too: a record of two keys each.
@@ -70,6 +72,8 @@ struct Row {
     trees_refitted: u64,
     /// Instances below them.
     records_refitted: u64,
+    /// Of these, the instances that the device placed from arrays.
+    records_placed: u64,
     /// Trees over instances that were built.
     trees_built: u64,
 }
@@ -136,14 +140,14 @@ fn animate(arguments: &Arguments, session: &Session, rest: &InstancerDesc, perce
     let moved = (instances * percent as usize / 100).max(1);
     let mut row = Row { instances, moved, blurred: arguments.blurred, ..Row::default() };
     let frames = arguments.frames.max(1);
-    for frame in 0..=frames {
+    for frame in 0..frames + BEFORE {
         let started = Instant::now();
         let edited = placed(rest, places, moved, frame, arguments.blurred);
         let edit_secs = started.elapsed().as_secs_f64();
         let EditCost { commit_secs, image_secs, made, after } =
             live::edit(session, edited, arguments.live.request(forest::camera))?;
-        // The first frame makes what is asked for the first time.
-        if frame > 0 {
+        // The first frames make what is asked for the first time, and find out who places what moves.
+        if frame >= BEFORE {
             let timings = session.timings();
             row.edit_secs += edit_secs;
             row.commit_secs += commit_secs;
@@ -160,6 +164,7 @@ fn animate(arguments: &Arguments, session: &Session, rest: &InstancerDesc, perce
             row.meshes_rebuilt += made.meshes;
             row.trees_refitted += timings.levels.refitted;
             row.records_refitted += timings.levels.refitted_records;
+            row.records_placed += timings.levels.placed_records;
             row.trees_built += timings.levels.built;
         }
     }
@@ -170,7 +175,8 @@ fn animate(arguments: &Arguments, session: &Session, rest: &InstancerDesc, perce
     {
         *secs /= mean;
     }
-    for sum in [&mut row.uploaded_bytes, &mut row.trees_refitted, &mut row.records_refitted, &mut row.trees_built] {
+    let Row { uploaded_bytes, trees_refitted, records_refitted, records_placed, trees_built, .. } = &mut row;
+    for sum in [uploaded_bytes, trees_refitted, records_refitted, records_placed, trees_built] {
         *sum = sum.div_ceil(u64::from(frames));
     }
     for sum in [&mut row.chunks_rebuilt, &mut row.records_rebuilt, &mut row.nodes_rebuilt, &mut row.meshes_rebuilt] {

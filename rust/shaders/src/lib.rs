@@ -44,5 +44,5 @@ mod fold;
 mod modules;
 mod table;
 
-pub use modules::{ALL, ShaderModule, checks, passes};
+pub use modules::{ALL, SCENE, ShaderModule, checks, passes, scene};
 pub use table::{DispatchSize, PASSES, Pass, PassCondition, PassImage, PassInfo, document};

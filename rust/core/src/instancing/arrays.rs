@@ -68,6 +68,13 @@ impl InstanceArrays {
         Some(numbers.counted())
     }
 
+    /// Returns true if both have the same kinds of arrays, of the same types, for as many instances, and equal masks.
+    pub(crate) fn is_shaped_as(&self, other: &Self) -> bool {
+        let types = |arrays: &Self| arrays.transforming().map(|array| array.map(TypedArray::element));
+        let is_alike = types(self) == types(other) && self.len() == other.len();
+        is_alike && TypedArray::same_optional(self.mask.as_ref(), other.mask.as_ref())
+    }
+
     /// The arrays that place instances: translations, rotations, scales, transforms.
     pub(crate) fn transforming(&self) -> [Option<&TypedArray>; 4] {
         [&self.translations, &self.rotations, &self.scales, &self.transforms].map(Option::as_ref)

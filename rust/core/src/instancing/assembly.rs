@@ -4,6 +4,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
+use super::diff::ChangedNumbers;
 use super::instance_primvars::{ColumnReader, InstanceColumn, MemberPrimvar, value_bytes, write_value};
 use super::motion::{MotionKey, PlacementKeys};
 use super::placement::PlacedInstance;
@@ -172,10 +173,16 @@ impl Assembly {
         records.saturating_add(KEY_BYTES.saturating_mul(self.keys_before(self.len()) as u64))
     }
 
-    /// Box of all records, in this assembly's frame; empty if there is none.
+    /// Box of all records, in this assembly's frame; empty if there is none. Of the root of a live scene it may be that
+    /// of before they moved ([`crate::scene::SceneDb::set_late`]).
     #[must_use]
     pub fn bounds(&self) -> Aabb {
         self.bounds
+    }
+
+    /// Whether it is known where all records are.
+    pub(crate) fn is_measured(&self) -> bool {
+        self.members.iter().all(|member| member.run.is_measured())
     }
 
     /// Primvars that records have values of.
@@ -288,6 +295,8 @@ pub(crate) enum MovedRanks {
     Nothing,
     /// These, in order.
     Ranks(Arc<Vec<u32>>),
+    /// Those of these instances, which were not measured.
+    Numbers(Arc<ChangedNumbers>),
     All,
 }
 
@@ -325,8 +334,9 @@ impl AssemblyMember {
         if Arc::ptr_eq(&self.run, &next.run) {
             return Some(MovedRanks::Nothing);
         }
-        let ranks = next.run.edits_of(&self.run);
-        next.run.has_ranks_of(&self.run).then(|| ranks.map_or(MovedRanks::All, MovedRanks::Ranks))
+        let ranks = next.run.edits_of(&self.run).map(MovedRanks::Ranks);
+        let moved = ranks.or_else(|| next.run.moves_of(&self.run).map(MovedRanks::Numbers));
+        next.run.has_ranks_of(&self.run).then(|| moved.unwrap_or(MovedRanks::All))
     }
 
     /// Number of records of an instancer's prototype, for instance ids.

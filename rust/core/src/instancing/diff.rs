@@ -61,6 +61,11 @@ impl ChangedNumbers {
         });
     }
 
+    /// Number of instances in the set.
+    pub(crate) fn len(&self) -> usize {
+        self.len
+    }
+
     /// Returns true if so many changed that a run of `ranks` instances is better scanned anew.
     pub(crate) fn is_most_of(&self, ranks: u32) -> bool {
         self.len > 8 + ranks as usize / 4

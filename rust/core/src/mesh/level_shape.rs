@@ -38,8 +38,14 @@ impl RefittedLevel {
     /// Whether the boxes have moved so far from each other that a tree that is built anew would be clearly better.
     #[must_use]
     pub fn is_worn(&self) -> bool {
-        self.growth > WORN || self.growth.is_nan()
+        has_worn(self.growth)
     }
+}
+
+/// Whether the surface of a tree's nodes has grown so much, by this factor, that it is better built anew.
+#[must_use]
+pub fn has_worn(growth: f64) -> bool {
+    growth > WORN || growth.is_nan()
 }
 
 impl LevelShape {

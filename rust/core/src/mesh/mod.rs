@@ -78,7 +78,7 @@ pub use key::mesh_key;
 pub(crate) use key::{is_same_mesh, mesh_key_with};
 pub use leaf::LeafKind;
 pub use level::{LevelTree, build_level, level_node_count, likely_level_stack};
-pub use level_shape::{LevelShape, RefittedLevel};
+pub use level_shape::{LevelShape, RefittedLevel, has_worn};
 pub(crate) use patch::MeshPatch;
 pub(crate) use patches::{MIN_PATCHED_FACES, MeshPatches};
 pub use ptex::{MAX_PTEX_FACES, PtexPart, PtexTriangle};

@@ -5,7 +5,7 @@
 //! the records on demand from the borrowed arrays. It is immutable to its users; any thread.
 
 use std::ops::Range;
-use std::sync::{Arc, PoisonError, RwLock};
+use std::sync::{Arc, OnceLock, PoisonError, RwLock};
 
 use glam::DVec3;
 
@@ -18,6 +18,7 @@ use crate::instancing::assembly::{AssemblyMember, InstanceRecord, InstanceTarget
 use crate::instancing::instance_primvars::{ColumnReader, InstanceColumn, MemberPrimvar, write_value};
 use crate::instancing::item::PlacementItem;
 use crate::instancing::motion::MotionKey;
+use crate::instancing::placement::PlacedInstance;
 use crate::instancing::run::RunReader;
 use crate::mesh::Aabb;
 
@@ -40,6 +41,8 @@ pub struct Chunk {
     pub(crate) key: u64,
     origin: DVec3,
     bounds: Aabb,
+    /// For a chunk that is measured later: its bounds then, in place of those that it had.
+    late: Option<OnceLock<Aabb>>,
     targets: Vec<InstanceTarget>,
     columns: Vec<InstanceColumn>,
     /// True if some record has keys.
@@ -160,6 +163,7 @@ impl Chunk {
             key: 0,
             origin,
             bounds,
+            late: None,
             targets,
             columns,
             moves,
@@ -200,10 +204,43 @@ impl Chunk {
         self.origin
     }
 
-    /// Box of all records in the chunk's frame; contains the boxes that [`Chunk::encode`] gives.
+    /// Box of all records in the chunk's frame; contains the boxes that [`Chunk::encode`] gives. Of a chunk that waits
+    /// to be measured ([`Chunk::is_late`]) a guess: those that it was measured with last.
     #[must_use]
     pub fn bounds(&self) -> Aabb {
-        self.bounds
+        self.late.as_ref().and_then(|late| late.get().copied()).unwrap_or(self.bounds)
+    }
+
+    /// Whether its bounds are not known: its records have moved and were not looked at. Then some may not be usable,
+    /// too.
+    #[must_use]
+    pub fn is_late(&self) -> bool {
+        self.late.as_ref().is_some_and(|late| late.get().is_none())
+    }
+
+    /// Whether its bounds were not known when it was made.
+    pub(crate) fn was_late(&self) -> bool {
+        self.late.is_some()
+    }
+
+    /// Sets the bounds of a chunk that [is late](Chunk::is_late): the box of all records that are usable, empty if none
+    /// is. Does nothing for others.
+    pub fn set_bounds(&self, bounds: Aabb) {
+        if let Some(late) = &self.late {
+            // Whoever was faster has measured the same records.
+            late.get_or_init(|| bounds);
+        }
+    }
+
+    /// Measures the chunk if it [is late](Chunk::is_late).
+    pub(crate) fn measure(&self) {
+        if self.is_late() {
+            let mut bounds = Aabb::EMPTY;
+            self.encode_each(0..self.len(), |_, record| {
+                bounds = bounds.union(&Aabb { min: record.bounds[0], max: record.bounds[1] });
+            });
+            self.set_bounds(bounds);
+        }
     }
 
     /// Number of records, at least 1.
@@ -258,9 +295,9 @@ impl Chunk {
         let members = self.members();
         let mut readers = MemberReaders::new(&members, Some(self.origin));
         self.each(range, &mut readers, |at, member, rank, reader| {
-            // All placements of a chunk are usable.
-            let record = reader.place(rank).map(|placed| member.record(rank, &placed));
-            visit(at, &record.unwrap_or_default());
+            // All placements of a chunk are usable, unless they were not looked at.
+            let placed = reader.place(rank).unwrap_or(PlacedInstance::NOWHERE);
+            visit(at, &member.record(rank, &placed));
         });
     }
 
@@ -375,13 +412,14 @@ impl Chunk {
         Some((self.which.get(at).unwrap_or(0), *self.ranks.get(at)?))
     }
 
-    /// The chunk whose records, which `members` place now, fill `bounds`; without key.
-    pub(crate) fn moved(&self, members: Arc<[AssemblyMember]>, bounds: Aabb) -> Self {
+    /// The chunk whose records, which `members` place now, fill `bounds`, or, if it is late, may do so; without key.
+    pub(crate) fn moved(&self, members: Arc<[AssemblyMember]>, bounds: Aabb, is_late: bool) -> Self {
         let held = self.held.unwrap_or_else(|| HeldChunk { shape: self.key, area: self.bounds.half_area() });
         Self {
             key: 0,
             origin: self.origin,
             bounds,
+            late: is_late.then(OnceLock::new),
             targets: self.targets.clone(),
             columns: self.columns.clone(),
             moves: self.moves,

@@ -5,6 +5,10 @@
 //! what is known of the order stays true, and trees over its records can be refitted. It is cut anew when anything else
 //! changes, or when the boxes have grown so that rays would enter too many chunks. Only live scenes hold: chunks of
 //! others are a function of the scene alone.
+//!
+//! Where what moves is measured late, the chunk has the bounds that it was measured with last, with those of a few of
+//! its records, until somebody measures it again. What is torn apart is seen by these; that one record is far away is
+//! seen a commit later.
 
 use std::sync::Arc;
 
@@ -15,7 +19,9 @@ use rustc_hash::FxHashMap;
 use super::chunk::{Chunk, MemberReaders};
 use super::part::{AssemblyPart, PartitionJob};
 use crate::instancing::assembly::{AssemblyMember, MovedRanks};
+use crate::instancing::diff::ChangedNumbers;
 use crate::instancing::item::PlacementItem;
+use crate::mesh::Aabb;
 
 /// Number of moved records from which chunks are held. Cutting fewer anew costs little.
 pub const HELD_FROM: usize = 1 << 13;
@@ -23,6 +29,8 @@ pub const HELD_FROM: usize = 1 << 13;
 const GROWN: f64 = 2.0;
 /// The same for a single box: records are single precision relative to the middle of what their chunk was.
 const APART: f64 = 64.0;
+/// Records of a chunk that are measured where the others are measured late.
+const SAMPLES: usize = 16;
 
 /// The records of a member that have moved since the last partition.
 enum MovedRecords {
@@ -31,6 +39,10 @@ enum MovedRecords {
     Ranks(Vec<u64>),
     /// Items of all usable ranks.
     All(Vec<PlacementItem>),
+    /// All, and nobody has looked where.
+    Late,
+    /// The same for these instances.
+    LateNumbers(Arc<ChangedNumbers>),
 }
 
 /// The members of an assembly while its chunks are held.
@@ -58,6 +70,7 @@ impl AssemblyPart {
         let counts = members.iter().zip(&moved).map(|(member, moved)| moved.count(member));
         let count: usize = counts.sum();
         let whole = members.iter().zip(&moved).filter(|(_, moved)| matches!(moved, MovedRanks::All));
+        let whole = whole.filter(|(member, _)| member.run.is_measured());
         let items: usize = whole.map(|(member, _)| member.run.len()).sum();
         let is_held = self.chunks.iter().any(|chunk| chunk.is_held());
         if (count < HELD_FROM && !is_held) || (items * size_of::<PlacementItem>()) as u64 > job.item_bytes {
@@ -80,6 +93,7 @@ impl MovedRanks {
         match self {
             Self::Nothing => 0,
             Self::Ranks(ranks) => ranks.len(),
+            Self::Numbers(numbers) => numbers.len().min(member.run.len()),
             Self::All => member.run.len(),
         }
     }
@@ -98,9 +112,31 @@ impl MovedRecords {
                 }
                 Self::Ranks(bits)
             }
+            MovedRanks::Numbers(numbers) => Self::LateNumbers(Arc::clone(numbers)),
+            MovedRanks::All if !member.run.is_measured() => Self::Late,
             MovedRanks::All => Self::All(member.run.take_items()),
         }
     }
+}
+
+impl MovedRecords {
+    fn is_late(&self) -> bool {
+        matches!(self, Self::Late | Self::LateNumbers(_))
+    }
+}
+
+/// Whether some record of a chunk, whose members are given with what moved of each, is somewhere where nobody looked.
+fn has_late(chunk: &Chunk, members: &[AssemblyMember], moved: &[&MovedRecords]) -> bool {
+    let numbers: Vec<_> = members.iter().map(|member| member.run.numbers()).collect();
+    let is_late = |(which, rank): (u32, u32)| match moved.get(which as usize) {
+        Some(MovedRecords::Late) => true,
+        Some(MovedRecords::LateNumbers(changed)) => {
+            let number = numbers.get(which as usize).and_then(|numbers| numbers.of(rank).flatten());
+            number.is_none_or(|number| changed.contains(number))
+        }
+        _ => false,
+    };
+    (0..chunk.len()).filter_map(|at| chunk.place(at)).any(is_late)
 }
 
 impl HeldMembers<'_> {
@@ -113,12 +149,16 @@ impl HeldMembers<'_> {
         }
         let members: Arc<[AssemblyMember]> =
             places.iter().filter_map(|&place| self.members.get(place)).map(|&member| member.clone()).collect();
+        if chunk.is_late() || moved.iter().any(|moved| moved.is_late()) && has_late(chunk, &members, &moved) {
+            let bounds = chunk.bounds().union(&sampled(chunk, &members));
+            return Some(Arc::new(chunk.moved(members, bounds, true)));
+        }
         let mut readers = MemberReaders::new(&members, None);
         let (mut around, mut spread, mut count) = ([DVec3::INFINITY, DVec3::NEG_INFINITY], 0.0_f32, 0);
         for at in 0..chunk.len() {
             let (which, rank) = chunk.place(at)?;
             let item = match *moved.get(which as usize)? {
-                MovedRecords::Nothing => continue,
+                MovedRecords::Nothing | MovedRecords::Late | MovedRecords::LateNumbers(_) => continue,
                 MovedRecords::Ranks(bits) => match bits.get(rank as usize / 64) {
                     Some(word) if word >> (rank % 64) & 1 == 1 => readers.item(which, rank)?,
                     _ => continue,
@@ -138,7 +178,7 @@ impl HeldMembers<'_> {
         let bounds = chunk.bounds_of(around, f64::from(spread));
         // Of the records that stay, no more is known than their box together with the others.
         let bounds = if count < chunk.len() { bounds.union(&chunk.bounds()) } else { bounds };
-        Some(Arc::new(chunk.moved(members, bounds)))
+        Some(Arc::new(chunk.moved(members, bounds, false)))
     }
 
     /// Leaves the items to those who cut.
@@ -149,6 +189,20 @@ impl HeldMembers<'_> {
             }
         }
     }
+}
+
+/// The box of a few records of a chunk where they are now.
+fn sampled(chunk: &Chunk, members: &[AssemblyMember]) -> Aabb {
+    let mut readers = MemberReaders::new(members, None);
+    let step = chunk.len().div_ceil(SAMPLES).max(1);
+    let places = (0..chunk.len()).step_by(step).filter_map(|at| chunk.place(at));
+    let items = places.filter_map(|(which, rank)| readers.item(which, rank));
+    let none = ([DVec3::INFINITY, DVec3::NEG_INFINITY], 0.0_f32);
+    let (around, spread) = items.fold(none, |([min, max], spread), item| {
+        let (center, half) = (item.center(), DVec3::from(item.half().map(f64::from)));
+        ([min.min(center - half), max.max(center + half)], spread.max(item.spread()))
+    });
+    if around[0].x > around[1].x { Aabb::EMPTY } else { chunk.bounds_of(around, f64::from(spread)) }
 }
 
 /// Whether the records of each chunk are still near each other.

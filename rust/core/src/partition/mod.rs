@@ -25,6 +25,7 @@ mod peaks;
 mod place;
 mod placed;
 mod placement;
+mod placing;
 mod store;
 mod stretches;
 mod validate;
@@ -33,6 +34,7 @@ mod which;
 use std::sync::Arc;
 
 use glam::DVec3;
+use rayon::prelude::*;
 
 pub(crate) use buckets::OrderBuckets;
 pub use chunk::Chunk;
@@ -40,6 +42,7 @@ pub use hold::HELD_FROM;
 pub(crate) use placed::PlacedReader;
 pub use placed::PlacedValues;
 pub(crate) use placement::PlacedValue;
+pub use placing::{MemberPlacing, PLACING_MEMBERS};
 pub(crate) use store::{PartitionSource, PartitionStore};
 pub use validate::WorldError;
 
@@ -155,6 +158,32 @@ impl PartitionedWorld {
     pub fn host_bytes(&self) -> u64 {
         let chunks: u64 = self.chunks.iter().map(|chunk| chunk.host_bytes()).sum();
         chunks + (size_of_val(&self.instances[..]) + size_of_val(&self.top.nodes[..])) as u64
+    }
+
+    /// The world with the bounds of all chunks as they are, if some [were late](Chunk::is_late); those that still are
+    /// get measured, on the caller's rayon pool. `None` if none was.
+    #[must_use]
+    pub fn measured(&self) -> Option<Self> {
+        let root = self.opened.last()?;
+        let first = root.first_chunk as usize;
+        let chunks = self.chunks.get(first..first + root.chunks as usize)?;
+        if !chunks.iter().any(|chunk| chunk.was_late()) {
+            return None;
+        }
+        chunks.par_iter().for_each(|chunk| chunk.measure());
+        let mut world = self.clone();
+        // The root is placed once, and none of its chunks elsewhere.
+        let at = [placement::OpenedPlacement::root()];
+        for instance in &mut world.instances {
+            let number = (instance.chunk as usize).checked_sub(first);
+            let Some(chunk) = number.and_then(|number| chunks.get(number)).filter(|chunk| chunk.was_late()) else {
+                continue;
+            };
+            let placed = place::place_chunks(&at, std::slice::from_ref(chunk), instance.chunk);
+            instance.bounds = placed.into_iter().flatten().next().map_or(Aabb::EMPTY, |placed| placed.bounds);
+        }
+        world.top = place::top_level(&world.instances);
+        Some(world)
     }
 
     /// The world without anything.

@@ -2,6 +2,7 @@
 //! A placement of an opened assembly, and the values that it has. Plain data.
 
 use glam::DAffine3;
+use oocpt_abi::NO_ROW;
 
 use crate::instancing::instance_primvars::InstanceColumn;
 
@@ -38,4 +39,11 @@ pub(crate) struct OpenedPlacement {
     pub(crate) values: Vec<PlacedValue>,
     /// Its row in [`super::PartitionedWorld::placed`], or `NO_ROW`.
     pub(crate) row: u32,
+}
+
+impl OpenedPlacement {
+    /// That of the root.
+    pub(crate) fn root() -> Self {
+        Self { frame: DAffine3::IDENTITY, id: 0, values: Vec::new(), row: NO_ROW }
+    }
 }

@@ -30,6 +30,8 @@ pub(crate) struct PartitionStore {
     item_bytes: u64,
     /// True if chunks whose records move are held.
     holds: bool,
+    /// True if the bounds of these may be measured later.
+    is_late: bool,
     next_key: u64,
     parts: FxHashMap<GroupId, AssemblyPart>,
     world: Arc<PartitionedWorld>,
@@ -61,6 +63,7 @@ impl Default for PartitionStore {
             options: PartitionOptions::default(),
             item_bytes: ITEM_BYTES,
             holds: false,
+            is_late: false,
             next_key: 0,
             parts: FxHashMap::default(),
             world: Arc::new(PartitionedWorld::empty()),
@@ -88,6 +91,16 @@ impl PartitionStore {
         must_cut
     }
 
+    /// Sets whether held chunks are measured later.
+    pub(crate) fn set_late(&mut self, is_late: bool) {
+        self.is_late = is_late;
+    }
+
+    /// Whether held chunks are measured later.
+    pub(crate) fn is_late(&self) -> bool {
+        self.holds && self.is_late
+    }
+
     /// Bytes of items that are held at once.
     pub(crate) fn item_bytes(&self) -> u64 {
         self.item_bytes
@@ -98,15 +111,18 @@ impl PartitionStore {
         self.options
     }
 
-    /// Partitions a scene.
-    pub(crate) fn update(&mut self, source: PartitionSource<'_>) -> Arc<PartitionedWorld> {
+    /// Partitions a scene; `None`, and nothing has changed, if some runs have to be measured first.
+    pub(crate) fn update(&mut self, source: PartitionSource<'_>) -> Option<Arc<PartitionedWorld>> {
         if self.seen.as_ref().is_some_and(|seen| seen.is_of(self.options, source)) {
-            return self.world.clone();
+            return Some(self.world.clone());
         }
         let costs = AssetCosts::new(source.meshes, source.assemblies);
         let mut limit = self.options.chunk_bytes().saturating_mul(OPEN_ABOVE);
         loop {
             let opened = source.opened(&costs, limit);
+            if source.is_late() && !self.can_hold(source, &costs, &opened) {
+                return None;
+            }
             let only_root = opened.iter().filter(|&&o| o).count() <= 1;
             let chunks = self.partition(source, &costs, &opened);
             if only_root || source.count(&opened, &chunks) <= MAX_INSTANCES {
@@ -123,22 +139,39 @@ impl PartitionStore {
         source.assemblies.iter().flat_map(|a| a.members()).for_each(|m| m.run.drop_kept());
         let (meshes, assemblies) = (source.meshes.to_vec(), source.assemblies.to_vec());
         self.seen = Some(PartitionInputs { options: self.options, meshes, assemblies });
-        self.world.clone()
+        Some(self.world.clone())
+    }
+
+    /// Whether all chunks of the root are held.
+    fn can_hold(&self, source: PartitionSource<'_>, costs: &AssetCosts, opened: &[bool]) -> bool {
+        let root = source.groups.last().zip(source.assemblies.last());
+        root.is_some_and(|(group, assembly)| {
+            let part = self.parts.get(*group);
+            part.is_some_and(|part| part.hold(self.job(assembly, costs, opened, None)).is_some())
+        })
+    }
+
+    fn job<'a>(
+        &self,
+        assembly: &'a Assembly,
+        costs: &'a AssetCosts,
+        opened: &'a [bool],
+        buckets: Option<&'a OrderBuckets>,
+    ) -> PartitionJob<'a> {
+        let (chunk_bytes, item_bytes, holds) = (self.options.chunk_bytes(), self.item_bytes, self.holds);
+        PartitionJob { assembly, costs, chunk_bytes, opened, item_bytes, buckets, holds }
     }
 
     /// Brings the chunks of all opened assemblies up to date.
     fn partition(&mut self, source: PartitionSource<'_>, costs: &AssetCosts, opened: &[bool]) -> Vec<Vec<Arc<Chunk>>> {
         let mut old = std::mem::take(&mut self.parts);
-        let chunk_bytes = self.options.chunk_bytes();
-        let (item_bytes, holds) = (self.item_bytes, self.holds);
         let all = source.groups.iter().zip(source.assemblies).zip(source.buckets).zip(opened);
         all.map(|(((group, assembly), buckets), &is_opened)| {
             if !is_opened {
                 return Vec::new();
             }
             let mut part = old.remove(*group).unwrap_or_default();
-            let buckets = buckets.as_ref();
-            part.update(PartitionJob { assembly, costs, chunk_bytes, opened, item_bytes, buckets, holds });
+            part.update(self.job(assembly, costs, opened, buckets.as_ref()));
             for chunk in &mut part.chunks {
                 // New ones are not shared yet.
                 if let Some(chunk) = Arc::get_mut(chunk).filter(|chunk| chunk.key == 0) {
@@ -164,6 +197,11 @@ impl PartitionInputs {
 }
 
 impl PartitionSource<'_> {
+    /// Whether some run of the root is not measured; those of others always are.
+    fn is_late(&self) -> bool {
+        self.assemblies.last().is_some_and(|root| !root.is_measured())
+    }
+
     /// The root, and every assembly above `limit` that is placed.
     fn opened(&self, costs: &AssetCosts, limit: u64) -> Vec<bool> {
         let mut opened = vec![false; self.assemblies.len()];
@@ -250,7 +288,7 @@ impl PartitionSource<'_> {
     fn placements(&self, opened: &[bool]) -> Vec<Vec<OpenedPlacement>> {
         let mut placements: Vec<Vec<OpenedPlacement>> = vec![Vec::new(); self.assemblies.len()];
         if let Some(root) = placements.last_mut() {
-            root.push(OpenedPlacement { frame: glam::DAffine3::IDENTITY, id: 0, values: Vec::new(), row: NO_ROW });
+            root.push(OpenedPlacement::root());
         }
         for at in (0..self.assemblies.len()).rev() {
             let parents = std::mem::take(&mut placements[at]);

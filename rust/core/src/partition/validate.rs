@@ -76,6 +76,13 @@ impl PartitionedWorld {
     /// # Errors
     /// The first broken invariant.
     pub fn validate(&self, meshes: &[Arc<SceneMesh>], assemblies: &[Arc<Assembly>]) -> Result<(), WorldError> {
+        match self.measured() {
+            Some(measured) => measured.validate_measured(meshes, assemblies),
+            None => self.validate_measured(meshes, assemblies),
+        }
+    }
+
+    fn validate_measured(&self, meshes: &[Arc<SceneMesh>], assemblies: &[Arc<Assembly>]) -> Result<(), WorldError> {
         let costs = AssetCosts::new(meshes, assemblies);
         let mut opened = vec![false; assemblies.len()];
         for part in &self.opened {
@@ -210,11 +217,20 @@ impl PartitionCheck<'_> {
             if (present.target, present.prim_id) != (member.target, member.prim_id) {
                 return Err("a member is not the present one");
             }
-            let mut item = member.run.reader(None).item(rank).ok_or("a record is not usable")?;
+            targets.insert(record.target);
+            let item = member.run.reader(None).item(rank);
+            if item.is_none() && chunk.was_late() {
+                // Nobody looked; no ray finds it.
+                if record.bounds[0] <= record.bounds[1] {
+                    return Err("a record that is not usable has a box");
+                }
+                keys.push(ItemKey { code: 0, id: u64::from(number) << 32 | u64::from(rank) });
+                continue;
+            }
+            let mut item = item.ok_or("a record is not usable")?;
             self.lattice.place(&mut item, number);
             keys.push(item.key());
             items.push(item);
-            targets.insert(record.target);
             let inside = self.bounds_of(record.target).ok_or("a target is out of range")?;
             validate_record(record, &inside, &chunk.bounds())?;
             let matrix = member.run.reader(None).matrix(rank).ok_or("a record is not usable")?;

@@ -50,22 +50,22 @@ pub(crate) struct CommittedAssets {
 
 impl AssemblyStore {
     /// Makes the assemblies of the plan, root last, and decides the origin. `item_bytes`: bytes that items may take at
-    /// once.
+    /// once; `late`: what the root places may be measured later.
     pub(crate) fn make(
         &mut self,
         plan: &[PlanGroup],
         assets: &CommittedAssets,
-        item_bytes: u64,
+        (item_bytes, late): (u64, bool),
     ) -> (Vec<MadeAssembly>, DVec3) {
         let mut made: Vec<MadeAssembly> = Vec::with_capacity(plan.len());
         let mut groups = FxHashMap::default();
         for group in plan {
-            let mut assembly = self.make_one(group, assets, &made, item_bytes);
+            let mut assembly = self.make_one(group, assets, &made, (item_bytes, late));
             if group.id == GroupId::Root
                 && let Some(shift) = origin_shift(&assembly.0.bounds())
             {
                 self.origin += shift;
-                assembly = self.make_one(group, assets, &made, item_bytes);
+                assembly = self.make_one(group, assets, &made, (item_bytes, late));
             }
             groups.insert(group.id.clone(), assembly.0.clone());
             made.push(assembly);
@@ -79,9 +79,11 @@ impl AssemblyStore {
         group: &PlanGroup,
         assets: &CommittedAssets,
         made: &[MadeAssembly],
-        item_bytes: u64,
+        (item_bytes, late): (u64, bool),
     ) -> MadeAssembly {
         let known = self.groups.get(&group.id);
+        // Boxes of other groups are part of those that place them.
+        let late = late && group.id == GroupId::Root;
         let shift = if group.id == GroupId::Root { -self.origin } else { DVec3::ZERO };
         // Compares once for all prototypes, before they are visited in parallel.
         for plan in &group.members {
@@ -108,7 +110,7 @@ impl AssemblyStore {
             .collect();
         let reused: Vec<Option<Arc<InstanceRun>>> = specs
             .par_iter()
-            .map(|(plan, .., spec)| InstanceRun::reuse(known.and_then(|known| run_of(known, plan)), spec))
+            .map(|(plan, .., spec)| InstanceRun::reuse(known.and_then(|known| run_of(known, plan)), spec, late))
             .collect();
         let fresh = specs.iter().zip(&reused).filter(|(_, run)| run.is_none());
         let fresh = fresh.map(|((.., spec), _)| spec.most_ranks()).sum();

@@ -277,6 +277,14 @@ impl SceneDb {
         self.edited |= self.partition.set_holds(is_live);
     }
 
+    /// Sets whether a live scene measures what moves late, from the next commit on; it does not by default. Then a
+    /// commit in which many records of the root moved does not look where they are: somebody else measures their
+    /// chunks ([`crate::partition::Chunk::set_bounds`], [`PartitionedWorld::measured`]) before rays use them, and
+    /// whether they are cut anew or have become unusable is seen with the next commit that measures them.
+    pub fn set_late(&mut self, is_late: bool) {
+        self.partition.set_late(is_late);
+    }
+
     /// Sets the camera that decides how finely subdivision surfaces are cut, from the next commit on. Before the first
     /// call they are cut as their refine levels say.
     pub fn set_dicing(&mut self, camera: DicingCamera) {
@@ -344,8 +352,7 @@ impl SceneDb {
         }
         let mut reports = CommitReports::default();
         let (plan, assets) = self.plan(&mut reports);
-        let (made, origin) = self.assembly_store.make(&plan, &assets, self.partition.item_bytes());
-        let (assemblies, buckets): (Vec<_>, Vec<_>) = made.into_iter().unzip();
+        let (assemblies, origin, world) = self.arrange(&plan, &assets);
         for (group, assembly) in plan.iter().zip(&assemblies) {
             for (planned, member) in group.members.iter().zip(assembly.members()) {
                 reports.add(&planned.path, member.run.dropped());
@@ -355,9 +362,7 @@ impl SceneDb {
         let dropped = reports.total();
         let CommittedAssets { meshes, surfaces, .. } = assets;
         let mut next = Snapshot { origin, meshes, assemblies, lights, links, surfaces, dropped, ..Snapshot::empty() };
-        let groups: Vec<&GroupId> = plan.iter().map(|group| &group.id).collect();
-        let (meshes, assemblies) = (&next.meshes[..], &next.assemblies[..]);
-        next.world = self.partition.update(PartitionSource { groups: &groups, meshes, assemblies, buckets: &buckets });
+        next.world = world;
         let changed = self.snapshot.version == 0 || !next.is_same(&self.snapshot);
         if changed {
             next.version = self.snapshot.version + 1;
@@ -367,6 +372,28 @@ impl SceneDb {
         self.mesh_store.forget_unused();
         self.edited = false;
         SceneCommit { snapshot: self.snapshot.clone(), warnings: self.new_warnings(&reports), changed }
+    }
+
+    /// Makes the assemblies and their partition, and decides the origin. What moved is measured now only where its
+    /// chunks cannot be held.
+    fn arrange(
+        &mut self,
+        plan: &[PlanGroup],
+        assets: &CommittedAssets,
+    ) -> (Vec<Arc<Assembly>>, DVec3, Arc<PartitionedWorld>) {
+        let groups: Vec<&GroupId> = plan.iter().map(|group| &group.id).collect();
+        let mut late = self.partition.is_late();
+        loop {
+            let (made, origin) = self.assembly_store.make(plan, assets, (self.partition.item_bytes(), late));
+            let (assemblies, buckets): (Vec<_>, Vec<_>) = made.into_iter().unzip();
+            let source =
+                PartitionSource { groups: &groups, meshes: &assets.meshes, assemblies: &assemblies, buckets: &buckets };
+            match self.partition.update(source) {
+                Some(world) => return (assemblies, origin, world),
+                // Without runs that are late there is always one.
+                None => late = false,
+            }
+        }
     }
 
     /// Builds the missing meshes and sorts all prims into groups. The order matters: materials say what primvars meshes

@@ -44,6 +44,9 @@ impl Snapshot {
     /// Returns the levels below the records and the placements of meshes.
     fn validate_assembly(&self, at: usize, levels: &[u32], placed: &[u128]) -> Result<(u32, u128), SnapshotError> {
         let assembly = &self.assemblies[at];
+        // Of what is measured late the box is not known.
+        let bounds =
+            if assembly.is_measured() { assembly.bounds() } else { Aabb { min: [f32::MIN; 3], max: [f32::MAX; 3] } };
         let mut batch = vec![InstanceRecord::default(); BATCH.min(assembly.len())];
         let (mut deepest, mut count) = (0, 0_u128);
         let mut start = 0;
@@ -63,7 +66,7 @@ impl Snapshot {
                 .ok_or(SnapshotError::Target { assembly: at, record: number })?;
                 deepest = deepest.max(below);
                 count = count.saturating_add(leaves);
-                validate_record(record, &inside, &assembly.bounds()).map_err(|what| SnapshotError::Record {
+                validate_record(record, &inside, &bounds).map_err(|what| SnapshotError::Record {
                     assembly: at,
                     record: number,
                     what,

@@ -20,7 +20,7 @@ use oocpt_core::residency::AssetId;
 use oocpt_core::scene::Snapshot;
 use oocpt_core::settings::Settings;
 use oocpt_gpu::HeapRange;
-use rustc_hash::FxHashSet;
+use rustc_hash::{FxHashMap, FxHashSet};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -92,6 +92,10 @@ pub(crate) struct DeviceScene {
     entries: TableEntries,
     /// True if the tables are those of a scene in core.
     is_in_core: bool,
+    /// Where held chunks that moved were, by shape: chunks of the scene before that are still on the device.
+    before: FxHashMap<u64, AssetKey>,
+    /// True until its chunks that are measured late have been.
+    is_new: bool,
     /// True if the frame may read tiles that find no room on the device in host memory.
     pub(crate) maps_tiles: bool,
 }
@@ -136,11 +140,18 @@ impl SceneCache {
                 let textures = self.textures.sync(images, &snapshot.surfaces.textures);
                 let masks = self.textures.opacity_masks(&snapshot.surfaces, &textures.records);
                 let assets = Arc::new(SceneAssets::new(snapshot, &textures, masks)?);
+                let mut before = FxHashMap::default();
+                let mut keep: FxHashSet<AssetKey> = assets.keys().map(|(_, key)| key).collect();
                 let mut store = match self.scene.take() {
-                    Some(scene) => scene.store,
+                    Some(scene) => {
+                        if scene.is_in_core {
+                            before = moved_from(&scene, &assets, &keep);
+                        }
+                        scene.store
+                    }
                     None => AssetStore::default(),
                 };
-                let keep: FxHashSet<AssetKey> = assets.keys().map(|(_, key)| key).collect();
+                keep.extend(before.values());
                 store.retain(&keep, |image| assets.textures.has(image));
                 let moving: FxHashSet<u64> = assets.shapes().collect();
                 store.shapes().begin(|shape| moving.contains(&shape));
@@ -150,6 +161,8 @@ impl SceneCache {
                     tables: None,
                     entries: TableEntries::default(),
                     is_in_core: false,
+                    before,
+                    is_new: true,
                     maps_tiles: false,
                 });
             }
@@ -158,7 +171,67 @@ impl SceneCache {
     }
 }
 
+/// Where the held chunks of `assets` were that moved, by shape: chunks of the scene before that nothing else needs.
+fn moved_from(scene: &DeviceScene, assets: &SceneAssets, keep: &FxHashSet<AssetKey>) -> FxHashMap<u64, AssetKey> {
+    let is_there = |key: &AssetKey| scene.store.get(key).is_some();
+    let moved = assets.held_chunks().filter(|chunk| !is_there(&AssetKey::Chunk(chunk.key())));
+    let moved: FxHashSet<u64> = moved.map(|chunk| chunk.shape()).collect();
+    let old = scene.assets.chunks().filter(|chunk| moved.contains(&chunk.shape()));
+    let old = old.map(|chunk| (chunk.shape(), AssetKey::Chunk(chunk.key())));
+    old.filter(|(_, key)| is_there(key) && !keep.contains(key)).collect()
+}
+
 impl DeviceScene {
+    /// Places the chunks that moved on the device, where it can ([`super::placing`]); the others are missing. Then
+    /// gives the top level the bounds of all. Returns whether the device placed what moved; `None` if nothing did.
+    pub(crate) fn place_moved(
+        &mut self,
+        device: &Device,
+        timings: &mut RenderTimings,
+    ) -> Result<Option<bool>, RenderError> {
+        let before = std::mem::take(&mut self.before);
+        let mut is_placed = None;
+        if !before.is_empty() {
+            is_placed = Some(self.place_from(device, &before, timings)?);
+        } else if self.is_new && self.assets.held_chunks().next().is_none() {
+            self.store.stop_placing();
+        }
+        if let Some(world) = self.is_new.then(|| self.assets.snapshot.world.measured()).flatten() {
+            let assets = Arc::get_mut(&mut self.assets);
+            let assets =
+                assets.ok_or_else(|| RenderError::Internal("assets are in use before they are there".into()))?;
+            assets.bound(&world);
+        }
+        self.is_new = false;
+        Ok(is_placed)
+    }
+
+    fn place_from(
+        &mut self,
+        device: &Device,
+        before: &FxHashMap<u64, AssetKey>,
+        timings: &mut RenderTimings,
+    ) -> Result<bool, RenderError> {
+        let started = Instant::now();
+        let placed = match device.gpu.report().capabilities.shader_float64 {
+            true => self.store.place_held(device, &self.assets, before),
+            false => Ok((0, false)),
+        };
+        before.values().for_each(|key| self.store.evict(key));
+        let placed = placed.or_else(|error| {
+            // What is on the device may be half of an edit.
+            self.store.stop_placing();
+            match error {
+                RenderError::Budget { .. } => Ok((0, false)),
+                error => Err(error),
+            }
+        });
+        let (bytes, is_placed) = placed?;
+        timings.uploaded_bytes += bytes;
+        timings.upload_secs += started.elapsed().as_secs_f64();
+        Ok(is_placed)
+    }
+
     /// Bytes that are not loaded yet, with tables; tiles of textures left out.
     pub(crate) fn missing_bytes(&self) -> u64 {
         let missing: u64 = self.missing().filter_map(|id| self.assets.source(id)).map(|s| s.bytes()).sum();
@@ -306,7 +379,7 @@ impl DeviceScene {
     /// Bytes of device memory that [`Self::clear`] frees, in arenas that others do not share.
     pub(crate) fn bytes_to_clear(&self, device: &Device) -> u64 {
         let heap = device.heap.stats();
-        let own = self.store.bytes() + self.store.arriving_bytes();
+        let own = self.store.bytes() + self.store.arriving_bytes() + self.store.placing_bytes();
         let of_others = heap.live_bytes.saturating_sub(own);
         (heap.arena_bytes + heap.dedicated_bytes).saturating_sub(of_others)
     }

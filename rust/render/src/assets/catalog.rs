@@ -14,7 +14,7 @@ use crate::textures::{OpacityMasks, TextureSet};
 use oocpt_abi::{LevelNode, MAX_LEVELS};
 use oocpt_core::inventory::RenderInventory;
 use oocpt_core::mesh::level_nodes;
-use oocpt_core::partition::PartitionedWorld;
+use oocpt_core::partition::{Chunk, PartitionedWorld};
 use oocpt_core::residency::{AssetId, UnitCatalog, UnitId};
 use oocpt_core::scene::{InstanceTarget, Snapshot};
 use rustc_hash::{FxHashMap, FxHashSet};
@@ -212,6 +212,21 @@ impl SceneAssets {
     /// Shapes of the chunks whose records move.
     pub(crate) fn shapes(&self) -> impl Iterator<Item = u64> + '_ {
         self.sources.iter().filter_map(AssetSource::shape)
+    }
+
+    /// Makes the top level that of `world`, which is the snapshot's with other bounds.
+    pub(super) fn bound(&mut self, world: &PartitionedWorld) {
+        self.top = TopLevel::new(world);
+    }
+
+    /// The chunks whose records move.
+    pub(super) fn held_chunks(&self) -> impl Iterator<Item = &Arc<Chunk>> {
+        self.chunks().filter(|chunk| chunk.is_held())
+    }
+
+    /// All chunks.
+    pub(super) fn chunks(&self) -> impl Iterator<Item = &Arc<Chunk>> {
+        self.snapshot.world.chunks.iter()
     }
 
     /// The table entry of `asset`.

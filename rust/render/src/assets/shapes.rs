@@ -50,6 +50,23 @@ impl LevelShapes {
         std::mem::take(&mut lock(&self.state).counts)
     }
 
+    /// Forgets a shape, so that the next tree of it is built.
+    pub(crate) fn forget(&self, shape: u64) {
+        let mut state = lock(&self.state);
+        if let Some(shape) = state.shapes.remove(&shape) {
+            state.bytes = state.bytes.saturating_sub(shape.host_bytes());
+        }
+    }
+
+    /// Counts trees over so many records that the device refitted; some have worn out.
+    pub(crate) fn note_placed(&self, trees: u64, records: u64, worn: u64) {
+        let counts = &mut lock(&self.state).counts;
+        counts.refitted += trees;
+        counts.refitted_records += records;
+        counts.placed_records += records;
+        counts.worn += worn;
+    }
+
     /// Begins another snapshot: drops the shapes that `keep` rejects, and those that have worn out most.
     pub(crate) fn begin(&self, keep: impl Fn(u64) -> bool) {
         let mut state = lock(&self.state);
@@ -122,7 +139,7 @@ mod tests {
     }
 
     fn counts(built: u64, refitted: u64, refitted_records: u64, worn: u64) -> LevelCounts {
-        LevelCounts { built, refitted, refitted_records, worn }
+        LevelCounts { built, refitted, refitted_records, worn, ..LevelCounts::default() }
     }
 
     #[test]

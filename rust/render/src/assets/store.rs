@@ -10,6 +10,7 @@ use super::copied::CopiedAssets;
 use super::kept::EncodedAssets;
 use super::load::LoadResult;
 use super::place::{AssetMemory, ResidentAsset};
+use super::placing::DevicePlacing;
 use super::shapes::LevelShapes;
 use super::source::{AssetKey, AssetSource};
 use super::values::ALIGN;
@@ -69,6 +70,8 @@ pub(crate) struct AssetStore {
     promotion: AssetPromotion,
     promoting: VecDeque<AssetPromotion>,
     kept: Arc<EncodedAssets>,
+    /// What the device places by itself.
+    pub(super) placing: DevicePlacing,
     /// Assets that could not be read since the last [`AssetStore::take_left_out`]: rays find nothing there.
     left_out: Vec<(AssetKey, String)>,
     /// Paths that were streamed since the last edit.
@@ -104,6 +107,7 @@ impl AssetStore {
         let held: Vec<_> = self.device.arriving.drain().map(|(_, memory)| memory).collect();
         self.forget_arriving();
         self.device.ready.clear();
+        self.placing = DevicePlacing::default();
         let started = Instant::now();
         while held.iter().any(|range| Arc::strong_count(range) > 1) && started.elapsed() < LET_GO_TIMEOUT {
             std::thread::sleep(Duration::from_millis(1));
@@ -163,6 +167,23 @@ impl AssetStore {
     /// Assets in host memory.
     pub(crate) fn mapped_count(&self) -> usize {
         self.host.ready.len()
+    }
+
+    /// Bytes of what the device places chunks from.
+    pub(crate) fn placing_bytes(&self) -> u64 {
+        self.placing.bytes()
+    }
+
+    /// Frees what the device places chunks from; what was placed stays.
+    pub(crate) fn stop_placing(&mut self) {
+        self.placing = DevicePlacing::default();
+    }
+
+    /// Makes the memory of a ready asset that of another one, which it holds now.
+    pub(super) fn take_over(&mut self, from: &AssetKey, to: AssetKey) {
+        if let Some(resident) = self.device.ready.remove(from) {
+            self.device.ready.insert(to, resident);
+        }
     }
 
     /// Evicts an asset; its memory is free when the device has done what was submitted so far.

@@ -21,7 +21,7 @@ use oocpt_abi::{Features, PushConstants, SPEC_MAX_LEVELS, SPEC_STACK_SIZE};
 use oocpt_gpu::{
     Buffer, BufferUsage, DeviceKind, Gpu, GpuError, Heap, HeapOptions, MAX_UPDATE_BYTES, OpenOptions, Pipeline,
 };
-use oocpt_shaders::{ALL, ShaderModule};
+use oocpt_shaders::{ALL, SCENE, ShaderModule};
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, OnceLock};
 use std::time::{Duration, Instant};
@@ -90,7 +90,7 @@ fn passes_key() -> u64 {
     static KEY: OnceLock<u64> = OnceLock::new();
     *KEY.get_or_init(|| {
         let mut hash = Xxh3::new();
-        for module in ALL {
+        for module in ALL.iter().chain(SCENE) {
             hash.update(bytemuck::cast_slice(module.words));
         }
         hash.digest()

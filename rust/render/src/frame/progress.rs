@@ -251,6 +251,7 @@ impl<'a> FrameProgress<'a> {
         levels.built += made.built;
         levels.refitted += made.refitted;
         levels.refitted_records += made.refitted_records;
+        levels.placed_records += made.placed_records;
         levels.worn += made.worn;
         let levels = *levels;
         lock(&self.shared.timings).levels = levels;

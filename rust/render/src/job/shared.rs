@@ -36,6 +36,8 @@ pub(crate) struct SharedState {
     pub(crate) told_of_live_views: AtomicBool,
     /// Somebody asks for a checkpoint of the render under way.
     pub(crate) wants_checkpoint: AtomicBool,
+    /// The last records that moved were placed by the device, in core.
+    pub(crate) places_moved: AtomicBool,
     /// True if the user was told that the last render had samples that are not finite.
     pub(crate) nonfinite_reported: AtomicBool,
     #[cfg(feature = "faults")]

@@ -36,6 +36,8 @@ pub struct LevelCounts {
     pub refitted: u64,
     /// Records of these.
     pub refitted_records: u64,
+    /// Of these, the records that the device placed by itself.
+    pub placed_records: u64,
     /// Of the refitted ones, those whose records have moved so far that they wait to be built.
     pub worn: u64,
 }

@@ -38,6 +38,7 @@ use oocpt_core::scene::Snapshot;
 use oocpt_gpu::{DriverCall, PlantedFailure};
 use oocpt_gpu::{Gpu, GpuError};
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
 use std::time::Instant;
 use upload::UploadDecision;
 
@@ -293,8 +294,16 @@ impl Renderer {
         // A cap on geometry counts tiles, wherever they are.
         scene.maps_tiles = maps_host(device, &job.settings) && geometry_cap(job).is_none();
         limit_shapes(job, scene);
+        if let Some(is_placed) = scene.place_moved(device, &mut progress.timings)? {
+            gate.shared().places_moved.store(is_placed, Ordering::Relaxed);
+        }
         let missing = scene.missing_bytes();
-        let mut in_core = self.fits(context, scene, missing) && !self.comes_meanwhile(context, missing);
+        let mut in_core = self.fits(context, scene, missing);
+        if !in_core && scene.store.placing_bytes() > 0 {
+            scene.store.stop_placing();
+            in_core = self.fits(context, scene, missing);
+        }
+        in_core = in_core && !self.comes_meanwhile(context, missing);
         if in_core {
             self.stream = None;
             scene.store.kept().limit(0);
@@ -313,6 +322,10 @@ impl Renderer {
                 }
                 Err(error) => return Err(error),
             }
+        }
+        if !in_core {
+            scene.store.stop_placing();
+            gate.shared().places_moved.store(false, Ordering::Relaxed);
         }
         progress.streaming(|stats| stats.in_core = in_core);
         progress.note_levels(scene.store.shapes().take_counts());

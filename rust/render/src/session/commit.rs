@@ -19,6 +19,7 @@ use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
 use std::time::Instant;
 use xxhash_rust::xxh3::xxh3_128;
 
@@ -72,6 +73,8 @@ impl SessionScene {
         let dicing = DicingCamera::new(&ask.request.camera, settings.dicing_rate).live(settings.interactive);
         self.db.set_dicing(dicing);
         self.db.set_live(settings.interactive);
+        // Measured by the device, where it places what moves.
+        self.db.set_late(shared.places_moved.load(Ordering::Relaxed));
         let lent = self.keep_meshes(settings, shared);
         #[cfg(feature = "faults")]
         shared.commit_gate.pass();

@@ -64,11 +64,13 @@ fn moving_instances_are_refitted_and_a_batch_picture_does_not_depend_on_it() {
     assert!(chunks > 10, "{chunks} chunks");
     assert_eq!(session.timings().levels.built, chunks, "nothing is known yet");
     let first = session.timings().uploaded_bytes;
-    // The ground's chunk stays. Trees are built once more for what moves, and from then on none is.
+    // The ground's chunk stays. The device places what moves; from the second move on it has what it needs for that.
     let moving = chunks - 1;
     let trees = play(&session, 1..=5);
-    assert_eq!(trees, [(moving, 0), (0, moving), (0, moving), (0, moving), (0, moving)]);
-    assert!(session.timings().uploaded_bytes < first, "records and trees, and no mesh");
+    assert_eq!(trees, [(0, moving); 5]);
+    let (moved, timings) = (COUNT as u64, session.timings());
+    assert_eq!(timings.levels.placed_records, moved, "all that moved");
+    assert!(timings.uploaded_bytes < first / 2, "the arrays, and neither records nor trees");
     let [shown, color] = [AovKind::InstanceId, AovKind::Color].map(|kind| read::<u32>(&session, &view(), kind));
     let fresh = crate::support::images(|db| build(db, 5), Settings { interactive: false, ..live() }, &view());
     session.set_setting("enableInteractive", SettingValue::Bool(false)).expect("a setting");
@@ -121,4 +123,83 @@ fn what_is_torn_apart_gets_new_trees() {
     let chunks = session.with_scene(|db| db.snapshot().world.chunks.len()) as u64;
     let levels = session.timings().levels;
     assert_eq!((levels.built, levels.refitted), (chunks - 1, 0), "all are built but the ground's");
+}
+
+/// The crowd of a frame, of which each hundredth instance is where it is in another frame.
+fn mixed(frame: u32, other: u32) -> InstancerDesc {
+    let places = |frame: u32| crowd(frame).translations.expect("places");
+    let (rest, moved) = (places(frame), places(other));
+    let place = |n: usize| if n.is_multiple_of(100) { moved.vec3(n) } else { rest.vec3(n) };
+    let mut desc = crowd(frame);
+    let places: Vec<[f32; 3]> = (0..COUNT).filter_map(place).map(|p| p.as_vec3().to_array()).collect();
+    desc.translations = Some(oocpt_core::array::TypedArray::of(places));
+    desc
+}
+
+#[test]
+fn few_moves_send_what_moved() {
+    let session = session(live());
+    session.with_scene(|db| build(db, 0));
+    render(&session, &view());
+    play(&session, 1..=3);
+    // Turns and sizes are those of the frame; an array that is the same is not sent.
+    for other in [4, 5] {
+        session.with_scene(|db| db.upsert_instancer(mixed(3, other)));
+        render(&session, &view());
+        let timings = session.timings();
+        let (moved, described) = (COUNT.div_ceil(100) * 16, 1 << 15);
+        let sent = timings.uploaded_bytes;
+        assert!(sent <= (moved + described) as u64, "frame {other}: {sent} bytes");
+        assert!(timings.levels.placed_records > 0 && timings.levels.built == 0, "frame {other}");
+    }
+}
+
+/// The crowd of a frame with instances that cannot be placed, others in each frame.
+fn hostile(frame: u32) -> InstancerDesc {
+    let mut desc = crowd(frame);
+    let values = [f32::NAN, f32::INFINITY, 1e30, -1e19, 0.0, f32::NEG_INFINITY];
+    let spoil = |array: &oocpt_core::array::TypedArray, first: usize| {
+        let mut all: Vec<[f32; 3]> = (0..COUNT).filter_map(|n| array.vec3(n)).map(|v| v.as_vec3().to_array()).collect();
+        for (k, value) in values.into_iter().cycle().take(60).enumerate() {
+            // A scale of 0 is singular, a place at 0 is none of these.
+            all[(first + k * 131) % COUNT][k % 3] = value;
+        }
+        oocpt_core::array::TypedArray::of(all)
+    };
+    let at = frame as usize * 17;
+    desc.scales = desc.scales.as_ref().map(|scales| spoil(scales, at));
+    if frame.is_multiple_of(2) {
+        desc.translations = desc.translations.as_ref().map(|points| spoil(points, at + 5));
+    }
+    desc
+}
+
+#[test]
+fn instances_that_cannot_be_placed_are_found_by_no_ray_after_many_moves() {
+    let session = session(live());
+    session.with_scene(|db| build(db, 0));
+    render(&session, &view());
+    play(&session, 1..=3);
+    let mut placed = 0;
+    for frame in 4..12 {
+        session.with_scene(|db| db.upsert_instancer(hostile(frame)));
+        drop(crate::support::render_with_messages(&session, &view()));
+        placed += session.timings().levels.placed_records;
+        let shown = [AovKind::InstanceId, AovKind::Color].map(|kind| read::<u32>(&session, &view(), kind));
+        let fresh = crate::support::session(Settings { interactive: false, ..live() });
+        fresh.with_scene(|db| {
+            build(db, 0);
+            db.upsert_instancer(hostile(frame));
+        });
+        // It says which instances it leaves out.
+        assert!(!crate::support::render_with_messages(&fresh, &view()).is_empty(), "frame {frame}");
+        let batch = [AovKind::InstanceId, AovKind::Color].map(|kind| read::<u32>(&fresh, &view(), kind));
+        let other = shown[0].iter().zip(&batch[0]).filter(|(a, b)| a != b).count();
+        assert!(other <= 2, "frame {frame}: {other} other balls");
+        let value = |bits: &u32| f64::from(f32::from_bits(*bits));
+        assert!(shown[1].iter().all(|bits| value(bits).is_finite()), "frame {frame}");
+        let far = shown[1].iter().zip(&batch[1]).filter(|(a, b)| (value(a) - value(b)).abs() > 0.02 * (1.0 + value(b)));
+        assert!(far.count() <= shown[1].len() / 50, "frame {frame}: other colours");
+    }
+    assert!(placed > 0, "some of it was placed by the device");
 }

@@ -4,7 +4,7 @@
 #[path = "../../build/exact.rs"]
 mod exact;
 
-use oocpt_shaders::ALL;
+use oocpt_shaders::{ALL, SCENE};
 use rspirv::dr::{Instruction, Operand, load_words};
 use rspirv::spirv::{Decoration, Op};
 use std::collections::BTreeMap;
@@ -34,7 +34,7 @@ fn results(module: &rspirv::dr::Module) -> Vec<u32> {
 #[test]
 fn every_operation_of_every_pass_is_exact() {
     let mut total = 0;
-    for module in ALL {
+    for module in ALL.iter().chain(SCENE) {
         let loaded = load_words(module.words).expect(module.name);
         let decorated = decorated(&loaded);
         for id in results(&loaded) {

@@ -28,6 +28,13 @@ pub(crate) struct PlacedInstance {
     pub(crate) flips_handedness: bool,
 }
 
+impl PlacedInstance {
+    /// In place of an instance that is not usable: its box is empty, and its map takes all points far away, so that no
+    /// ray finds it.
+    pub(crate) const NOWHERE: Self =
+        Self { object_from_parent: [[0.0, 0.0, 0.0, 1e30]; 3], bounds: Aabb::EMPTY, flips_handedness: false };
+}
+
 /// The centre and the size of a placed instance in the parent's frame, as the partition needs them.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct InstanceFootprint {

@@ -15,10 +15,14 @@ use scan::ScannedRanks;
 pub(crate) use scan::{ItemBucketing, ScanOutput, UNUSABLE};
 
 use super::arrays::InstanceArrays;
+use super::diff::ChangedNumbers;
 use super::placement::{InstancePlacer, KeyPlacer, PlacedInstance};
 use crate::array::TypedArray;
 use crate::desc::DroppedData;
 use crate::mesh::Aabb;
+
+/// Number of instances that moved from which on they are not measured, if they need not be.
+const MEASURED: usize = 1 << 10;
 
 /// The instances of one prototype.
 #[derive(Clone, Debug)]
@@ -127,18 +131,37 @@ pub(crate) struct InstanceRun {
     blocks: Vec<Aabb>,
     bounds: Aabb,
     dropped: DroppedData,
+    /// False if it was not looked at where its placements are now: bounds, boxes of blocks and what is unusable are
+    /// those of before.
+    is_measured: bool,
     /// The run that this one was made from, and the ranks that may differ from it.
     edits: Option<(Weak<Self>, Arc<Vec<u32>>)>,
+    /// The same for a run that is not measured: the instances that may be elsewhere.
+    moves: Option<(Weak<Self>, Arc<ChangedNumbers>)>,
     /// Results of the scan that the partition takes.
     kept: Mutex<ScannedRanks>,
 }
 
 impl InstanceRun {
-    /// Returns `old` again if it is of the same spec, or a run made from it if little changed; `None` if everything has
-    /// to be scanned.
-    pub(crate) fn reuse(old: Option<&Arc<Self>>, spec: &RunSpec) -> Option<Arc<Self>> {
-        let old = old?;
-        if old.spec.is_same(spec) { Some(old.clone()) } else { Self::edited(old, spec).map(Arc::new) }
+    /// Returns `old` again if it is of the same spec, or a run made from it if little changed, or, if runs may be
+    /// `late`, one that is not measured; `None` if everything has to be scanned.
+    pub(crate) fn reuse(old: Option<&Arc<Self>>, spec: &RunSpec, late: bool) -> Option<Arc<Self>> {
+        let old = old.filter(|old| old.is_measured || late)?;
+        if old.spec.is_same(spec) {
+            return Some(old.clone());
+        }
+        let edited = || if old.is_measured { Self::edited(old, spec) } else { None };
+        if !late {
+            return edited().map(Arc::new);
+        }
+        let moved = || Self::moved(old, spec);
+        let many = old.changed_numbers(spec).is_none_or(|changed| changed.len() >= MEASURED);
+        if many { moved().or_else(edited) } else { edited().or_else(moved) }.map(Arc::new)
+    }
+
+    /// Whether it is known where its placements are, and which are usable.
+    pub(crate) fn is_measured(&self) -> bool {
+        self.is_measured
     }
 
     /// Scans a whole run. `keep`: the results that the partition will ask for.
@@ -152,7 +175,9 @@ impl InstanceRun {
             blocks: Vec::new(),
             bounds: Aabb::EMPTY,
             dropped: DroppedData::default(),
+            is_measured: true,
             edits: None,
+            moves: None,
             kept: Mutex::default(),
         };
         if run.spec.target_bounds.is_empty() {

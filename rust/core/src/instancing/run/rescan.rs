@@ -10,6 +10,7 @@ use super::reader::{InstanceNumbers, number};
 use super::scan::{BLOCK, RankScan, ScanSlots, TASK};
 use super::{InstanceRun, PrototypeInstances, RunSpec};
 use crate::instancing::arrays::InstanceArrays;
+use crate::instancing::diff::ChangedNumbers;
 use crate::instancing::placement::InstancePlacer;
 use crate::mesh::Aabb;
 
@@ -27,7 +28,9 @@ impl InstanceRun {
             blocks: old.blocks.clone(),
             bounds: Aabb::EMPTY,
             dropped: old.dropped,
+            is_measured: true,
             edits: None,
+            moves: None,
             kept: Mutex::default(),
         };
         let touched: Vec<&[u32]> = ranks.chunk_by(|a, b| *a as usize / BLOCK == *b as usize / BLOCK).collect();
@@ -51,6 +54,34 @@ impl InstanceRun {
         run.bad = bad;
         run.edits = Some((Arc::downgrade(old), Arc::new(ranks)));
         Some(run)
+    }
+
+    /// The run of `spec`, of whose placements is only known that they are those of `old` elsewhere; `None` if more can
+    /// differ than where they are and which are usable.
+    pub(super) fn moved(old: &Arc<Self>, spec: &RunSpec) -> Option<Self> {
+        let (before, now) = (old.spec.instances.as_ref()?, spec.instances.as_ref()?);
+        // What was not usable may be so now, and is in no chunk.
+        let is_elsewhere = old.ranks > 0
+            && old.bad.is_empty()
+            && old.key_count() == 0
+            && spec.key_count() == 0
+            && old.spec.target_bounds == spec.target_bounds
+            && before.same_indices(now)
+            && before.arrays.is_shaped_as(&now.arrays);
+        is_elsewhere.then(|| Self {
+            spec: spec.clone(),
+            unmasked: old.unmasked.clone(),
+            among_all: old.among_all.clone(),
+            bad: old.bad.clone(),
+            ranks: old.ranks,
+            blocks: Vec::new(),
+            bounds: old.bounds,
+            dropped: old.dropped,
+            is_measured: false,
+            edits: None,
+            moves: old.changed_numbers(spec).map(|changed| (Arc::downgrade(old), changed)),
+            kept: Mutex::default(),
+        })
     }
 
     /// Number and new content of the block of the given ranks, which are all of its ranks that differ from `old`. Bad
@@ -96,6 +127,19 @@ impl InstanceRun {
         if let Some(old) = self.spec.instances.as_ref().filter(|old| !Arc::ptr_eq(&old.arrays, &new.arrays)) {
             InstanceArrays::changes(&old.arrays, &new.arrays);
         }
+    }
+
+    /// Instances whose elements differ from those under `spec`, if everything else is the same.
+    pub(super) fn changed_numbers(&self, spec: &RunSpec) -> Option<Arc<ChangedNumbers>> {
+        let (old, new) = (self.spec.instances.as_ref()?, spec.instances.as_ref()?);
+        let is_same_frame = self.spec.before == spec.before && self.spec.after == spec.after;
+        if is_same_frame { InstanceArrays::changes(&old.arrays, &new.arrays) } else { None }
+    }
+
+    /// The instances that may be elsewhere than in `old`, if this run was made from it without being measured.
+    pub(crate) fn moves_of(&self, old: &Arc<Self>) -> Option<Arc<ChangedNumbers>> {
+        let (from, numbers) = self.moves.as_ref()?;
+        std::ptr::eq(from.as_ptr(), Arc::as_ptr(old)).then(|| numbers.clone())
     }
 
     /// Ranks whose placement may differ under `spec`, in order, if everything else is the same and they are few.

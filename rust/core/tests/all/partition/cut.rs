@@ -32,7 +32,9 @@ pub(crate) fn flatten_world(snapshot: &Snapshot) -> Vec<Leaf> {
         let row = |k: usize| DVec3::from(instance.chunk_from_world[k].map(f64::from));
         let linear = DMat3::from_cols(row(0), row(1), row(2)).transpose().inverse();
         let frame = DMat4::from_translation(snapshot.origin + instance.origin) * DMat4::from_mat3(linear);
-        for record in chunk_records(world, instance.chunk as usize) {
+        // No ray finds a record whose box is empty.
+        let is_somewhere = |record: &InstanceRecord| record.bounds[0][0] <= record.bounds[1][0];
+        for record in chunk_records(world, instance.chunk as usize).into_iter().filter(is_somewhere) {
             below(snapshot, &record, frame, instance.instance_id, &mut leaves);
         }
     }

@@ -6,9 +6,9 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use oocpt_core::partition::HELD_FROM;
-use oocpt_core::{InstancerDesc, PartitionOptions, SceneDb, Snapshot, TypedArray};
+use oocpt_core::{Aabb, InstancerDesc, PartitionOptions, SceneDb, Snapshot, TypedArray};
 
-use crate::partition::cut::{assert_same_leaves, flatten_world, spread};
+use crate::partition::cut::{assert_same_leaves, chunk_records, flatten_world, spread};
 use crate::partition::edits::{assert_keys_tell, assert_same_world};
 use crate::support::{by, committed, scatter, triangle};
 
@@ -244,4 +244,133 @@ fn any_sequence_of_edits_shows_what_a_new_database_shows() {
         assert_same_world(&fresh(&crowd), &committed(&mut db));
     }
     assert!(holds > 5 && cuts > 5, "{holds} commits with held chunks, {cuts} without");
+}
+
+/// The snapshot with everything measured, as a renderer has it; leaves out what is not usable.
+fn shown(snapshot: &Snapshot) -> Snapshot {
+    let world = snapshot.world.measured().map_or_else(|| snapshot.world.clone(), Arc::new);
+    Snapshot { world, ..snapshot.clone() }
+}
+
+/// Number of records whose box is empty, which no ray finds.
+fn nowhere(snapshot: &Snapshot) -> usize {
+    let chunks = 0..snapshot.world.chunks.len();
+    let records = chunks.flat_map(|chunk| chunk_records(&snapshot.world, chunk));
+    records.filter(|record| record.bounds[0][0] > record.bounds[1][0]).count()
+}
+
+#[test]
+fn what_moves_is_measured_when_somebody_asks() {
+    let mut crowd = Crowd::new();
+    let mut db = database(&crowd, true);
+    db.set_late(true);
+    let first = committed(&mut db);
+    assert!(first.world.measured().is_none(), "nothing has moved");
+    for frame in 0..4 {
+        crowd.stir(1, 0.2, frame);
+        db.upsert_instancer(crowd.desc());
+        let after = db.commit().snapshot;
+        assert_eq!((held(&after), shapes(&after)), (first.world.chunks.len(), shapes(&first)), "all are held");
+        assert!(after.world.chunks.iter().all(|chunk| chunk.is_late()), "frame {frame}: none is measured");
+        // A device measures some of them, and the host the others.
+        let device = |chunk: &Arc<oocpt_core::Chunk>, records: Vec<oocpt_core::InstanceRecord>| {
+            let boxes = records.iter().map(|r| Aabb { min: r.bounds[0], max: r.bounds[1] });
+            chunk.set_bounds(boxes.fold(Aabb::EMPTY, |all, b| all.union(&b)));
+        };
+        for (at, chunk) in after.world.chunks.iter().enumerate().step_by(2) {
+            device(chunk, chunk_records(&after.world, at));
+        }
+        let shown = shown(&after);
+        assert!(after.world.chunks.iter().all(|chunk| !chunk.is_late()), "all are measured");
+        assert_eq!(shown.world.validate(&shown.meshes, &shown.assemblies), Ok(()), "boxes hold what is in them");
+        assert_same_leaves(flatten_world(&shown), flatten_world(&fresh(&crowd)));
+    }
+    db.set_live(false);
+    assert_same_world(&fresh(&crowd), &committed(&mut db));
+}
+
+#[test]
+fn chunks_in_which_nothing_moved_stay_where_others_are_measured_late() {
+    let mut crowd = Crowd::new();
+    let mut db = database(&crowd, true);
+    db.set_late(true);
+    committed(&mut db);
+    crowd.stir(1, 0.1, 0);
+    let all = edited(&mut db, &crowd);
+    assert_eq!(held(&all), all.world.chunks.len(), "all are held");
+    drop(shown(&all));
+    // A corner of the cube, and then a single one.
+    let is_near = |point: &[f32; 3]| point.iter().all(|v| *v < -0.1 * SIDE);
+    let near = crowd.points.iter_mut().filter(|point| is_near(point));
+    assert!(near.map(|point| point[1] += 0.01).count() > 1000, "enough");
+    let some = edited(&mut db, &crowd);
+    let late = some.world.chunks.iter().filter(|chunk| chunk.is_late()).count();
+    let kept = keys(&some).intersection(&keys(&all)).count();
+    assert!(late > 2 && kept > 20 && late + kept == some.world.chunks.len(), "{late} moved, {kept} stay");
+    assert_same_leaves(flatten_world(&shown(&some)), flatten_world(&fresh(&crowd)));
+    crowd.points[7][0] += 0.01;
+    let one = edited(&mut db, &crowd);
+    assert_eq!(keys(&one).difference(&keys(&some)).count(), 1, "one chunk");
+    assert_same_leaves(flatten_world(&shown(&one)), flatten_world(&fresh(&crowd)));
+}
+
+#[test]
+fn what_is_torn_apart_is_cut_at_once_and_one_that_is_far_a_commit_later() {
+    let mut crowd = Crowd::new();
+    let mut db = database(&crowd, true);
+    db.set_late(true);
+    let chunks = committed(&mut db).world.chunks.len();
+    crowd.stir(1, 0.1, 0);
+    assert_eq!(held(&edited(&mut db, &crowd)), chunks, "held");
+    crowd.points.rotate_left(COUNT / 3);
+    let mixed = edited(&mut db, &crowd);
+    assert_eq!(held(&mixed), 0, "some of each chunk are all over the scene");
+    assert_same_world(&fresh(&crowd), &mixed);
+    crowd.points[5] = [3000.0, 0.0, 0.0];
+    crowd.stir(2, 0.1, 2);
+    let apart = edited(&mut db, &crowd);
+    assert_eq!(held(&apart), mixed.world.chunks.len(), "nobody knows");
+    drop(shown(&apart));
+    crowd.stir(2, 0.1, 3);
+    let next = edited(&mut db, &crowd);
+    assert_eq!(held(&next), 0, "one is apart");
+    assert_same_world(&fresh(&crowd), &next);
+}
+
+#[test]
+fn any_sequence_of_edits_that_is_measured_late_shows_what_a_new_database_shows() {
+    let mut random = 5_u32;
+    let mut next = |below: usize| {
+        random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (random >> 8) as usize % below
+    };
+    let (mut late, mut dropped) = (0, 0);
+    for round in 0..2 {
+        let mut crowd = Crowd::new();
+        let mut db = database(&crowd, true);
+        db.set_late(true);
+        committed(&mut db);
+        for step in 0..14 {
+            let kind = u32::try_from(next(14)).unwrap();
+            let n = next(crowd.points.len());
+            disturb(&mut crowd, kind, n);
+            if next(3) > 0 {
+                crowd.stir(1 + next(3), 0.1, step);
+            }
+            db.upsert_instancer(crowd.desc());
+            let after = db.commit().snapshot;
+            // Some snapshots are never shown.
+            if next(4) == 0 {
+                continue;
+            }
+            late += usize::from(after.world.chunks.iter().any(|chunk| chunk.is_late()));
+            let shown = shown(&after);
+            assert_eq!(shown.world.validate(&shown.meshes, &shown.assemblies), Ok(()), "round {round}, step {step}");
+            dropped += nowhere(&shown);
+            assert_same_leaves(flatten_world(&shown), flatten_world(&fresh(&crowd)));
+        }
+        db.set_live(false);
+        assert_same_world(&fresh(&crowd), &committed(&mut db));
+    }
+    assert!(late > 5 && dropped > 0, "{late} snapshots were late, {dropped} records were nowhere");
 }

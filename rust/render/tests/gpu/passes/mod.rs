@@ -5,6 +5,7 @@
 mod exact_sums;
 mod handmade_scene;
 mod pass_runner;
+mod placing;
 mod roulette;
 mod streamed;
 

@@ -1,0 +1,227 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Arrays of instancers on the device, as the host lends them. An array that replaces another one of its length is
+//! compared with it, and what differs is sent: few elements as a list that a pass scatters
+//! (`shaders/scene/scatter_words.comp`), else all of it. Render thread only; threads of the pool compare and copy.
+
+use super::copied::CopiedAssets;
+use super::encode::AssetCopier;
+use crate::device::Device;
+use crate::error::RenderError;
+use oocpt_core::array::TypedArray;
+use oocpt_gpu::HeapRange;
+use rayon::prelude::*;
+use rustc_hash::{FxHashMap, FxHashSet};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Elements compared at a time.
+const BLOCK: usize = 1 << 12;
+/// An array of which more than one element in so many changed is sent whole.
+const FEW: usize = 8;
+/// Bytes that a thread sends at a time.
+const SENT_BYTES: usize = 4 << 20;
+const ALIGN: u64 = 256;
+
+/// Copies to the device. Large ones are made by all threads.
+pub(super) struct SentBytes<'a> {
+    device: &'a Device,
+    copier: AssetCopier<'a>,
+    copied: CopiedAssets,
+}
+
+impl<'a> SentBytes<'a> {
+    pub(super) fn new(device: &'a Device) -> Result<Self, RenderError> {
+        let copier = AssetCopier::new(&device.gpu, device.loader()?.ring());
+        Ok(Self { device, copier, copied: CopiedAssets::default() })
+    }
+
+    /// Begins to copy `bytes` to the start of `target`.
+    pub(super) fn send(&mut self, target: &HeapRange, bytes: &[u8]) -> Result<(), RenderError> {
+        if bytes.len() <= SENT_BYTES {
+            return self.copier.bytes(target, 0, bytes);
+        }
+        // Other threads may wait for the staging memory of copies in hand.
+        self.copier.submit()?;
+        let (gpu, ring) = (&self.device.gpu, self.device.loader()?.ring());
+        let parts = bytes.par_chunks(SENT_BYTES).enumerate().map(|(part, bytes)| {
+            let mut copier = AssetCopier::new(gpu, ring);
+            copier.bytes(target, (part * SENT_BYTES) as u64, bytes)?;
+            copier.finish()
+        });
+        for copied in parts.collect::<Result<Vec<_>, RenderError>>()? {
+            self.copied.submissions.extend(copied.submissions);
+            self.copied.bytes += copied.bytes;
+        }
+        Ok(())
+    }
+
+    /// A new range that is to hold `bytes`.
+    pub(super) fn range(&mut self, name: &str, bytes: &[u8]) -> Result<HeapRange, RenderError> {
+        let range = self.device.heap.alloc(name, (bytes.len() as u64).max(16), ALIGN)?;
+        self.send(&range, bytes)?;
+        Ok(range)
+    }
+
+    /// Submits the rest; returns all submissions, and the bytes.
+    pub(super) fn finish(self) -> Result<CopiedAssets, RenderError> {
+        let CopiedAssets { submissions, bytes, .. } = self.copier.finish()?;
+        let mut copied = self.copied;
+        copied.submissions.extend(submissions);
+        copied.bytes += bytes;
+        Ok(copied)
+    }
+}
+
+/// Arrays, each listed once.
+#[derive(Debug, Default)]
+pub(super) struct ArrayList {
+    arrays: Vec<TypedArray>,
+    known: FxHashSet<(usize, usize)>,
+}
+
+impl ArrayList {
+    pub(super) fn add<'a>(&mut self, arrays: impl Iterator<Item = &'a TypedArray>) {
+        let new = arrays.filter(|array| self.known.insert(array.identity()));
+        self.arrays.extend(new.cloned());
+    }
+}
+
+/// Elements of an array on the device that are to be replaced.
+#[derive(Debug)]
+pub(super) struct ScatteredWords {
+    /// Of each its number and its words.
+    pub(super) entries: HeapRange,
+    pub(super) target: u64,
+    pub(super) count: u32,
+    pub(super) words: u32,
+}
+
+#[derive(Debug)]
+struct LentArray {
+    /// It is held, so that its identity is that of no other array.
+    array: TypedArray,
+    memory: HeapRange,
+}
+
+/// Arrays on the device.
+#[derive(Debug, Default)]
+pub(super) struct LentArrays {
+    arrays: Vec<LentArray>,
+    /// Addresses by the identity of the array.
+    addresses: FxHashMap<(usize, usize), u64>,
+}
+
+impl LentArrays {
+    /// Bytes of device memory held.
+    pub(super) fn bytes(&self) -> u64 {
+        self.arrays.iter().map(|array| array.memory.size()).sum()
+    }
+
+    /// The address of an array; 0 without one, or if it is not there.
+    pub(super) fn address(&self, wanted: Option<&TypedArray>) -> u64 {
+        wanted.and_then(|wanted| self.addresses.get(&wanted.identity())).copied().unwrap_or(0)
+    }
+
+    /// Brings all of `wanted`, in place of arrays that are not among `live`; frees the others of these. Elements to be
+    /// scattered are added to `scattered`.
+    pub(super) fn bring(
+        &mut self,
+        [wanted, live]: [&ArrayList; 2],
+        sent: &mut SentBytes<'_>,
+        scattered: &mut Vec<ScatteredWords>,
+    ) -> Result<(), RenderError> {
+        let is_live = |known: &LentArray| live.known.contains(&known.array.identity());
+        let (kept, mut stale): (Vec<_>, Vec<_>) = std::mem::take(&mut self.arrays).into_iter().partition(is_live);
+        self.addresses = kept.iter().map(LentArray::address).collect();
+        self.arrays = kept;
+        for array in &wanted.arrays {
+            if self.address(Some(array)) != 0 {
+                continue;
+            }
+            let fits = |known: &LentArray| known.array.element() == array.element() && known.array.len() == array.len();
+            let memory = match stale.iter().position(fits).map(|at| stale.remove(at)) {
+                Some(LentArray { array: old, memory }) => {
+                    match changed(old.view().bytes(), array.view().bytes(), array.element().size()) {
+                        Some(entries) if entries.is_empty() => {}
+                        Some(entries) => scattered.push(ScatteredWords::new(sent, &memory, array, &entries)?),
+                        None => sent.send(&memory, array.view().bytes())?,
+                    }
+                    memory
+                }
+                None => sent.range("array of instances", array.view().bytes())?,
+            };
+            let known = LentArray { array: array.clone(), memory };
+            self.addresses.extend([known.address()]);
+            self.arrays.push(known);
+        }
+        Ok(())
+    }
+}
+
+impl LentArray {
+    fn address(&self) -> ((usize, usize), u64) {
+        (self.array.identity(), self.memory.address())
+    }
+}
+
+impl ScatteredWords {
+    /// Number and words of elements of `array`, to be written to `target`.
+    fn new(
+        sent: &mut SentBytes<'_>,
+        target: &HeapRange,
+        array: &TypedArray,
+        entries: &[u32],
+    ) -> Result<Self, RenderError> {
+        let words = array.element().size() / size_of::<u32>();
+        let count = entries.len() / (words + 1);
+        Ok(Self {
+            entries: sent.range("changed elements", bytemuck::cast_slice(entries))?,
+            target: target.address(),
+            // Arrays have fewer elements than 2^32.
+            count: u32::try_from(count).unwrap_or(u32::MAX),
+            words: u32::try_from(words).unwrap_or(0),
+        })
+    }
+}
+
+/// Number and words of each element of `size` bytes, a multiple of 4, that differs; `None` if these are many.
+fn changed(old: &[u8], new: &[u8], size: usize) -> Option<Vec<u32>> {
+    let most = new.len() / size / FEW;
+    let found = AtomicUsize::new(0);
+    let blocks = old.par_chunks(BLOCK * size).zip(new.par_chunks(BLOCK * size)).enumerate();
+    let of_block = |(block, (old, new)): (usize, (&[u8], &[u8]))| {
+        let mut entries = Vec::new();
+        if old != new && found.load(Ordering::Relaxed) <= most {
+            let elements = old.chunks_exact(size).zip(new.chunks_exact(size)).enumerate();
+            for (at, (_, new)) in elements.filter(|(_, (old, new))| old != new) {
+                entries.push(u32::try_from(block * BLOCK + at).unwrap_or(u32::MAX));
+                entries.extend(new.chunks_exact(4).map(bytemuck::pod_read_unaligned::<u32>));
+            }
+            found.fetch_add(entries.len() / (size / 4 + 1), Ordering::Relaxed);
+        }
+        entries
+    };
+    let entries: Vec<Vec<u32>> = blocks.map(of_block).collect();
+    (found.into_inner() <= most).then(|| entries.concat())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn few_changed_elements_are_listed_and_many_are_not() {
+        let old: Vec<u8> = (0..3 * BLOCK * 12).map(|at| u8::try_from(at % 251).expect("small")).collect();
+        assert_eq!(changed(&old, &old, 12), Some(Vec::new()));
+        let mut new = old.clone();
+        for element in [0, 7, BLOCK, 3 * BLOCK - 1] {
+            new[element * 12 + 11] ^= 1;
+        }
+        let entries = changed(&old, &new, 12).expect("few");
+        let listed: Vec<u32> = entries.chunks(4).map(|entry| entry[0]).collect();
+        assert_eq!(listed, [0, 7, BLOCK, 3 * BLOCK - 1].map(|at| u32::try_from(at).expect("small")));
+        let words: Vec<u8> = entries[1..4].iter().flat_map(|word| word.to_ne_bytes()).collect();
+        assert_eq!(words, new[..12], "with its words");
+        new.iter_mut().step_by(12 * FEW).for_each(|byte| *byte = byte.wrapping_add(1));
+        assert!(changed(&old, &new, 12).is_none(), "more than an eighth");
+    }
+}

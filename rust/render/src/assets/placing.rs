@@ -1,0 +1,316 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Places the records of held chunks on the device: the arrays of their instancers lie there as the host lends them, a
+//! pass makes the records of chunks that moved from them and refits the trees (`shaders/scene/refit_chunks.comp`). So
+//! an edit sends the elements that changed, and neither records nor nodes.
+//!
+//! The arrays, and member and number of each record, are in the device's budget; where there is no room for them, or
+//! the device has no double precision, the host encodes chunks. Render thread only.
+
+use super::catalog::SceneAssets;
+use super::copied::CopiedAssets;
+use super::lent_arrays::{ArrayList, LentArrays, ScatteredWords, SentBytes};
+use super::source::{AssetKey, AssetSource};
+use super::store::AssetStore;
+use crate::device::{Device, PassSpecialisation};
+use crate::error::RenderError;
+use bytemuck::Zeroable;
+use oocpt_abi::{
+    Features, GpuChunkMember, GpuHeldChunk, GpuRefittedChunk, MEMBER_AFTER, MEMBER_HALVES, MEMBER_INSTANCED,
+    PlacingPush, groups,
+};
+use oocpt_core::Aabb;
+use oocpt_core::array::{ElementType, TypedArray};
+use oocpt_core::mesh::{has_worn, level_node_count};
+use oocpt_core::partition::{Chunk, MemberPlacing};
+use oocpt_gpu::{Buffer, BufferUsage, CommandList, HeapRange};
+use oocpt_shaders::scene;
+use rustc_hash::{FxHashMap, FxHashSet};
+use std::sync::Arc;
+use std::time::Duration;
+
+/// Nodes that are refitted at a time: 28 bytes of scratch memory each. A chunk may have more.
+const SCRATCH_NODES: usize = 1 << 20;
+/// Records whose trees the host builds for a snapshot in place of worn ones, as in [`super::shapes`].
+const REBUILT_RECORDS: usize = 1 << 16;
+/// Most elements of an array: 32 bits number the parts of an element, of which there are sixteen at most.
+const MAX_ELEMENTS: usize = 1 << 27;
+/// Most bytes of the members that are described for a snapshot.
+const MAX_DESCRIBED: usize = 64 << 20;
+/// Columns of the identity.
+const IDENTITY: [f64; 12] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0];
+/// The longest that placing may take before the device counts as lost.
+const TIMEOUT: Duration = Duration::from_secs(120);
+
+/// What is known of the shape of a chunk.
+#[derive(Debug)]
+struct PlacedShape {
+    /// Member and number of each record.
+    places: HeapRange,
+    /// Half the surface of all nodes of its tree when it was placed first.
+    area: Option<f64>,
+}
+
+/// What placing keeps on the device.
+#[derive(Debug, Default)]
+pub(super) struct DevicePlacing {
+    arrays: LentArrays,
+    shapes: FxHashMap<u64, PlacedShape>,
+    /// Shapes that have worn out, with their growth and their number of records.
+    worn: Vec<(u64, f64, usize)>,
+}
+
+/// A chunk to place.
+struct MovedChunk<'a> {
+    chunk: &'a Arc<Chunk>,
+    members: Vec<MemberPlacing>,
+    /// Where it is: the key that it had.
+    from: AssetKey,
+    records: u64,
+}
+
+impl DevicePlacing {
+    /// Bytes of device memory held.
+    pub(super) fn bytes(&self) -> u64 {
+        self.arrays.bytes() + self.shapes.values().map(|shape| shape.places.size()).sum::<u64>()
+    }
+
+    /// Takes the shapes that are to be built anew: those that have worn out most.
+    fn take_worn(&mut self) -> FxHashSet<u64> {
+        let mut worn = std::mem::take(&mut self.worn);
+        worn.sort_unstable_by(|a, b| b.1.total_cmp(&a.1).then_with(|| a.0.cmp(&b.0)));
+        let mut room = REBUILT_RECORDS;
+        let mut taken = FxHashSet::default();
+        for (shape, _, records) in worn {
+            // One at least, however large it is.
+            if !taken.is_empty() && records > room {
+                break;
+            }
+            room = room.saturating_sub(records);
+            self.shapes.remove(&shape);
+            taken.insert(shape);
+        }
+        taken
+    }
+
+    /// Brings what the passes read, and records them; returns the results to come, in the order of `moved`, and the
+    /// bytes sent.
+    fn record(
+        &mut self,
+        device: &Device,
+        (moved, live): (&[MovedChunk<'_>], &ArrayList),
+    ) -> Result<(CommandList, Buffer, u64), RenderError> {
+        let mut wanted = ArrayList::default();
+        moved.iter().for_each(|moved| wanted.add(arrays_of(&moved.members)));
+        let (mut sent, mut scattered) = (SentBytes::new(device)?, Vec::new());
+        self.arrays.bring([&wanted, live], &mut sent, &mut scattered)?;
+        for MovedChunk { chunk, .. } in moved {
+            if !self.shapes.contains_key(&chunk.shape()) {
+                let mut places: Vec<[u32; 2]> = Vec::with_capacity(chunk.len());
+                chunk.each_place(|member, number| places.push([member, number]));
+                let places = sent.range("places of records", bytemuck::cast_slice(&places))?;
+                self.shapes.insert(chunk.shape(), PlacedShape { places, area: None });
+            }
+        }
+        let members: Vec<GpuChunkMember> =
+            moved.iter().flat_map(|moved| &moved.members).map(|member| self.describe(member)).collect();
+        let members = sent.range("members of chunks", bytemuck::cast_slice(&members))?;
+        let batches = batches(moved);
+        let most = batches.iter().map(|batch| batch.iter().map(|moved| nodes_of(moved)).sum::<usize>()).max();
+        let scratch = device.heap.alloc("bounds of nodes", (most.unwrap_or(1) * 28) as u64, 256)?;
+        let chunks = self.chunks(&batches, &members, &scratch);
+        let chunks = sent.range("chunks to place", bytemuck::cast_slice(&chunks))?;
+        let result_bytes = (moved.len() * size_of::<GpuRefittedChunk>()) as u64;
+        let results = device.heap.alloc("chunks placed", result_bytes, 256)?;
+        let read = Buffer::new(&device.gpu, "chunks placed", result_bytes, BufferUsage::Readback)?;
+        let mut commands = device.gpu.commands("place")?;
+        let CopiedAssets { submissions, bytes, .. } = sent.finish()?;
+        submissions.iter().for_each(|copy| commands.wait_for(copy));
+        for range in [&members, &scratch, &chunks, &results] {
+            commands.keep(range);
+        }
+        scatter(device, &mut commands, &scattered)?;
+        let pass = device.pipeline(&scene::SCENE_REFIT_CHUNKS, plain())?;
+        let mut first = 0;
+        for batch in batches {
+            let count = u32::try_from(batch.len()).unwrap_or(0);
+            let [source, target] = [chunks.address(), results.address()];
+            let push = PlacingPush { source, target, count: first, words: 0, pad: [0; 2] };
+            commands.dispatch(&pass, bytemuck::bytes_of(&push), [count, 1, 1]);
+            first += count;
+        }
+        commands.copy(&results, 0, &read, 0, result_bytes);
+        Ok((commands, read, bytes))
+    }
+
+    /// The chunks for the passes; those of a batch have their own parts of the scratch memory.
+    fn chunks(&self, batches: &[&[MovedChunk<'_>]], members: &HeapRange, scratch: &HeapRange) -> Vec<GpuHeldChunk> {
+        let mut first_member = 0_u64;
+        let mut chunks = Vec::new();
+        for batch in batches {
+            let all = batch.iter().map(|moved| nodes_of(moved) as u64).sum::<u64>();
+            let mut first_node = 0_u64;
+            for moved in *batch {
+                let nodes = nodes_of(moved) as u64;
+                let places = self.shapes.get(&moved.chunk.shape()).map_or(0, |shape| shape.places.address());
+                chunks.push(GpuHeldChunk {
+                    records: moved.records,
+                    nodes: moved.records + AssetSource::Chunk(Arc::clone(moved.chunk)).nodes_at(),
+                    places,
+                    members: members.address() + first_member * size_of::<GpuChunkMember>() as u64,
+                    boxes: scratch.address() + first_node * 24,
+                    order: scratch.address() + all * 24 + first_node * 4,
+                    // A chunk with more is rejected before it is loaded.
+                    record_count: u32::try_from(moved.chunk.len()).unwrap_or(0),
+                    node_count: u32::try_from(nodes).unwrap_or(0),
+                });
+                first_node += nodes;
+                first_member += moved.members.len() as u64;
+            }
+        }
+        chunks
+    }
+
+    fn describe(&self, member: &MemberPlacing) -> GpuChunkMember {
+        let arrays = member.arrays.as_ref();
+        let address = |at: usize| self.arrays.address(arrays.and_then(|arrays| arrays[at].as_ref()));
+        let halves = arrays.and_then(|arrays| arrays[1].as_ref()).is_some_and(|q| q.element() == ElementType::Quath);
+        let flag = |is_set: bool, flag: u32| if is_set { flag } else { 0 };
+        GpuChunkMember {
+            before: member.before.map(f64::to_bits),
+            after: member.after.unwrap_or(IDENTITY).map(f64::to_bits),
+            parent: member.parent.map(f64::to_bits),
+            center: member.center.map(f64::to_bits),
+            half_sides: member.half.map(f64::to_bits),
+            translations: address(0),
+            rotations: address(1),
+            scales: address(2),
+            transforms: address(3),
+            count: u32::try_from(member.count).unwrap_or(u32::MAX),
+            flags: flag(arrays.is_some(), MEMBER_INSTANCED)
+                | flag(member.after.is_some(), MEMBER_AFTER)
+                | flag(halves, MEMBER_HALVES),
+        }
+    }
+
+    /// Notes what became of chunks: how much the surface of their trees has grown.
+    fn note(&mut self, moved: &[MovedChunk<'_>], results: &[GpuRefittedChunk]) -> u64 {
+        let before = self.worn.len();
+        for (MovedChunk { chunk, .. }, result) in moved.iter().zip(results) {
+            let area = f64::from_bits(result.area);
+            chunk.set_bounds(Aabb { min: result.min, max: result.max });
+            let Some(shape) = self.shapes.get_mut(&chunk.shape()) else { continue };
+            let growth = area / *shape.area.get_or_insert(area);
+            if has_worn(growth) && area > 0.0 {
+                self.worn.push((chunk.shape(), growth, chunk.len()));
+            }
+            if result.unusable > 0 {
+                tracing::debug!(unusable = result.unusable, "instances that the device cannot place");
+            }
+        }
+        (self.worn.len() - before) as u64
+    }
+}
+
+impl AssetStore {
+    /// Places the held chunks that moved, each in the memory that it had `before`, by shape. Those that cannot be
+    /// placed are left to the loader. Returns the bytes sent, and whether all were placed but for those that have worn
+    /// out.
+    pub(super) fn place_held(
+        &mut self,
+        device: &Device,
+        assets: &SceneAssets,
+        before: &FxHashMap<u64, AssetKey>,
+    ) -> Result<(u64, bool), RenderError> {
+        let rebuilt = self.placing.take_worn();
+        rebuilt.iter().for_each(|shape| self.shapes().forget(*shape));
+        let held: Vec<&Arc<Chunk>> = assets.held_chunks().collect();
+        let live: FxHashSet<u64> = held.iter().map(|chunk| chunk.shape()).collect();
+        self.placing.shapes.retain(|shape, _| live.contains(shape));
+        let (mut moved, mut arrays, mut described) = (Vec::new(), ArrayList::default(), 0);
+        for chunk in held {
+            let Some(members) = chunk.placing().filter(|members| members.iter().all(is_known)) else { continue };
+            arrays.add(arrays_of(&members));
+            let from = before.get(&chunk.shape()).filter(|_| !rebuilt.contains(&chunk.shape()));
+            let resident = from.and_then(|from| Some((from, self.get(from)?.address())));
+            described += members.len() * size_of::<GpuChunkMember>();
+            if let Some((&from, records)) = resident {
+                moved.push(MovedChunk { chunk, members, from, records });
+            }
+        }
+        if moved.is_empty() || described > MAX_DESCRIBED {
+            return Ok((0, false));
+        }
+        let (commands, read, bytes) = self.placing.record(device, (&moved, &arrays))?;
+        if !commands.submit()?.wait(TIMEOUT)? {
+            return Err(RenderError::Internal("placing instances did not finish".into()));
+        }
+        let mut results = vec![GpuRefittedChunk::zeroed(); moved.len()];
+        read.read(0, bytemuck::cast_slice_mut(&mut results))?;
+        let worn = self.placing.note(&moved, &results);
+        self.shapes().note_placed(moved.len() as u64, moved.iter().map(|moved| moved.chunk.len() as u64).sum(), worn);
+        moved.iter().for_each(|moved| self.take_over(&moved.from, AssetKey::Chunk(moved.chunk.key())));
+        let left = before.iter().filter(|(shape, key)| !rebuilt.contains(shape) && self.get(key).is_some());
+        Ok((bytes, left.count() == 0))
+    }
+}
+
+/// Chunks that are refitted together.
+fn batches<'a, 'b>(mut moved: &'b [MovedChunk<'a>]) -> Vec<&'b [MovedChunk<'a>]> {
+    let mut batches = Vec::new();
+    while !moved.is_empty() {
+        let mut nodes = 0;
+        let fits = |moved: &&MovedChunk<'_>| {
+            nodes += nodes_of(moved);
+            nodes <= SCRATCH_NODES
+        };
+        let count = moved.iter().take_while(fits).count().clamp(1, 1 << 15);
+        let (batch, others) = moved.split_at(count);
+        batches.push(batch);
+        moved = others;
+    }
+    batches
+}
+
+fn nodes_of(moved: &MovedChunk<'_>) -> usize {
+    level_node_count(moved.chunk.len())
+}
+
+fn scatter(device: &Device, commands: &mut CommandList, scattered: &[ScatteredWords]) -> Result<(), RenderError> {
+    if scattered.is_empty() {
+        return Ok(());
+    }
+    let pass = device.pipeline(&scene::SCENE_SCATTER_WORDS, plain())?;
+    for ScatteredWords { entries, target, count, words } in scattered {
+        commands.keep(entries);
+        let push =
+            PlacingPush { source: entries.address(), target: *target, count: *count, words: *words, pad: [0; 2] };
+        commands.dispatch(&pass, bytemuck::bytes_of(&push), groups((*count).into()));
+    }
+    Ok(())
+}
+
+/// Passes of the scene have no features.
+fn plain() -> PassSpecialisation {
+    PassSpecialisation {
+        max_levels: 1,
+        stack_size: 1,
+        features: Features::empty(),
+        #[cfg(feature = "faults")]
+        fault: 0,
+    }
+}
+
+/// Whether the passes read the arrays of a member.
+fn is_known(member: &MemberPlacing) -> bool {
+    use ElementType::{Matrix4d, Quatf, Quath, Vec3f};
+    let read: [&[ElementType]; 4] = [&[Vec3f], &[Quatf, Quath], &[Vec3f], &[Matrix4d]];
+    let arrays = member.arrays.iter().flat_map(|arrays| arrays.iter().zip(read));
+    arrays
+        .filter_map(|(array, read)| Some((array.as_ref()?, read)))
+        .all(|(array, read)| read.contains(&array.element()) && array.len() <= MAX_ELEMENTS)
+}
+
+/// The arrays that place the records of members.
+fn arrays_of(members: &[MemberPlacing]) -> impl Iterator<Item = &TypedArray> {
+    members.iter().flat_map(|member| &member.arrays).flatten().flatten()
+}
