@@ -338,6 +338,35 @@ def test_aovs_of_the_command_line(record):
     assert done.returncode == 2 and "needs an EXR image" in done.stderr
 
 
+@BOTH
+def test_matrices_of_the_header_lead_from_points_to_pixels(record):
+    """`worldToNDC` takes what a pixel shows back to the pixel, in the whole picture and in a crop with overscan."""
+    window = "float4 dataWindowNDC = (-0.125, 0.25, 0.75, 1.0)"
+    VARS["P"] = var("P", "P", "point3f")
+    try:
+        products = {
+            "whole": product("whole", "whole.exr", ("P", "ids")),
+            "part": product("part", "part.exr", ("P", "ids"), more=window),
+        }
+        _, folder = record(stage(products, settings="bool oocpt:filterAovs = 0"), "--products")
+    finally:
+        del VARS["P"]
+    for name in ("whole", "part"):
+        layers, header = channels(folder / f"{name}.exr")
+        (left, top), (right, bottom) = header["dataWindow"]
+        points = np.stack([layers[f"P.{axis}"] for axis in "XYZ"], -1)[::-1].astype(np.float64)
+        seen_at = (layers["ids"][::-1] != np.uint32(0xFFFFFFFF)).nonzero()
+        assert len(seen_at[0]) > 100
+        rows = np.concatenate([points[seen_at], np.ones((len(seen_at[0]), 1))], 1)
+        ndc = rows @ np.array(header["worldToNDC"], np.float64).reshape(4, 4)
+        pixels = ndc[:, :2] / ndc[:, 3:] * SIZE
+        centres = np.stack([seen_at[1] + left + 0.5, seen_at[0] + top + 0.5], 1)
+        assert np.abs(pixels - centres).max() < 0.01, f"{name}: {np.abs(pixels - centres).max(0)}"
+        assert (right - left + 1, bottom - top + 1) == points.shape[1::-1]
+        behind = rows @ np.array(header["worldToCamera"], np.float64).reshape(4, 4)
+        assert (behind[:, 2] < 0).all(), "the view looks along -z"
+
+
 def test_denoised_pictures_say_so(record):
     _, folder = record(stage({}), "--imageWidth", "64", out="plain.exr")
     done, _ = record(stage({}), "--imageWidth", "64", "--aov", "denoised", out="layer.exr")

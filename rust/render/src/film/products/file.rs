@@ -11,7 +11,9 @@ use crate::job::request::RenderRequest;
 use exr::compression::Compression;
 use exr::meta::attribute::{AttributeValue, Chromaticities, IntegerBounds, Text};
 use exr::prelude::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, Vec2, WritableImage as _, f16};
+use glam::{DMat4, DVec4};
 use oocpt_abi::IdSlot;
+use oocpt_core::camera::Camera;
 use oocpt_core::file_space::FileSpace;
 use oocpt_core::scene::PrimNames;
 use rayon::prelude::*;
@@ -78,6 +80,8 @@ pub(crate) fn write(
         let named = ("renderingColorSpace".to_owned(), PictureAttribute::Text(space.name().to_owned()));
         layer.other.extend(layer_attributes(&PictureAttributes::from([named])).other);
     }
+    let [world_to_camera, world_to_ndc] = matrices(&request.camera, file);
+    (layer.world_to_camera, layer.world_to_normalized_device) = (Some(world_to_camera), Some(world_to_ndc));
     layer.layer_position = Vec2(file.data_corner[0], file.data_corner[1]);
     let encoding = Encoding { compression: compression(file.compression), ..Encoding::FAST_LOSSLESS };
     let mut image =
@@ -97,6 +101,24 @@ pub(crate) fn write(
     written.map_err(file_error)?;
     let short = mattes.iter().filter(|(_, matte)| matte.unnamed > 0);
     Ok(short.map(|(layer, matte)| format!("{layer}: {} names are not in the manifest", matte.unnamed)).collect())
+}
+
+/// The attributes `worldToCamera` and `worldToNDC` as OpenEXR defines them, for points as row vectors: view space looks
+/// along -z with +y up, and NDC goes from (0, 0) in the upper left corner of the display window to (1, 1).
+#[expect(clippy::cast_possible_truncation, reason = "matrices of a file are of single precision")]
+fn matrices(camera: &Camera, file: &ProductFile) -> [[f32; 16]; 2] {
+    let view = camera.world_from_view.inverse();
+    let [x0, y0, x1, y1] = camera.display_window.map(f64::from);
+    // From pixels of the camera's picture to those of the file's.
+    let shift = [0, 1].map(|at| f64::from(file.data_corner[at]) - f64::from(camera.data_window[at]));
+    let [width, height] = file.display_size.map(|side| f64::from(side.max(1)));
+    let of_window = DMat4::from_cols(
+        DVec4::X * (0.5 * (x1 - x0) / width),
+        DVec4::Y * (0.5 * (y0 - y1) / height),
+        DVec4::Z,
+        DVec4::new((0.5 * (x0 + x1) + shift[0]) / width, (0.5 * (y0 + y1) + shift[1]) / height, 0.0, 1.0),
+    );
+    [view, of_window * camera.projection * view].map(|matrix| matrix.to_cols_array().map(|number| number as f32))
 }
 
 /// The Cryptomatte layers of a file by name, top row first.
