@@ -428,6 +428,19 @@ def test_colours_are_written_in_the_rendering_space(record):
         del VARS["albedo"]
 
 
+def test_a_film_that_outgrows_the_device_is_written_all_the_same(record):
+    def render(**environment):
+        wanted = {"all": product("all", "all.exr", ("beauty", "N", "ids", "depth"), size=(320, 240))}
+        done, folder = record(stage(wanted), "--products", **environment)
+        return done.stderr, channels(folder / "all.exr")[0]
+
+    said, whole = render()
+    assert "windows" not in said
+    said, parts = render(OOCPT_MEMORY_BUDGET="12")
+    assert "the film in " in said, said
+    assert len(whole) == 9 and all(np.array_equal(parts[name], whole[name]) for name in whole)
+
+
 def test_pictures_for_eyes_take_an_opencolorio_config(record, tmp_path):
     from PIL import Image
 

@@ -2,8 +2,8 @@
 //! The linear colour spaces in which products are written (`renderingColorSpace` of the render settings). Pure.
 //!
 //! Light is transported in linear Rec. 709; what is written is taken to another space by the matrix of both spaces'
-//! primaries, with the Bradford adaptation of their white points (Lam 1985), as `GfColorSpace` and OpenColorIO do. Any
-//! thread.
+//! primaries, with the Bradford adaptation of their white points (Lam 1985), as `GfColorSpace` and `OpenColorIO` do.
+//! Any thread.
 
 use glam::{DMat3, DVec2, DVec3};
 

@@ -100,9 +100,9 @@ impl SharedState {
 /// What the frame asks between waves: may it go on?
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct FrameGate<'a> {
-    shared: &'a SharedState,
+    session: &'a SharedState,
     /// Where results go.
-    results: &'a SharedState,
+    shared: &'a SharedState,
     generation: u64,
     /// Until then a newer job does not close it, as long as no picture of this one is shown.
     until: Option<Instant>,
@@ -110,8 +110,8 @@ pub(crate) struct FrameGate<'a> {
 
 impl<'a> FrameGate<'a> {
     /// The gate of the job of `generation`.
-    pub(crate) fn new(shared: &'a SharedState, generation: u64) -> Self {
-        Self { shared, results: shared, generation, until: None }
+    pub(crate) fn new(session: &'a SharedState, generation: u64) -> Self {
+        Self { session, shared: session, generation, until: None }
     }
 
     /// The same, but a newer job waits for the first picture of this one, for so long at most.
@@ -119,33 +119,33 @@ impl<'a> FrameGate<'a> {
         Self { until: Instant::now().checked_add(patience), ..*self }
     }
 
-    /// The same, but what the frame gives goes to `results`.
-    pub(crate) fn with_results<'b>(&self, results: &'b SharedState) -> FrameGate<'b>
+    /// The same, but what the frame gives goes to `shared`.
+    pub(crate) fn with_results<'b>(&self, shared: &'b SharedState) -> FrameGate<'b>
     where
         'a: 'b,
     {
-        FrameGate { results, ..*self }
+        FrameGate { shared, ..*self }
     }
 
     /// Whether there is a newer job for which this one is given up: it publishes nothing any more.
     pub(crate) fn is_superseded(&self) -> bool {
-        let is_newer = self.shared.control().generation != self.generation;
+        let is_newer = self.session.control().generation != self.generation;
         is_newer && !self.outlasts()
     }
 
     /// Whether the newer job may go on with the samples of `job`, which is the one of this gate.
     pub(crate) fn leads_on_from(&self, job: &RenderJob) -> bool {
-        self.shared.control().job.as_ref().is_some_and(|newer| newer.has_samples_of(job))
+        self.session.control().job.as_ref().is_some_and(|newer| newer.has_samples_of(job))
     }
 
     fn outlasts(&self) -> bool {
-        self.until.is_some_and(|until| Instant::now() < until) && !lock(&self.shared.published).shows(self.generation)
+        self.until.is_some_and(|until| Instant::now() < until) && !lock(&self.session.published).shows(self.generation)
     }
 
     /// Waits out a pause; returns false if the image is to be given up (stop, a newer job, the end of the session) or
     /// is to end with the samples that it has.
     pub(crate) fn proceed(&self) -> bool {
-        let mut control = self.shared.control();
+        let mut control = self.session.control();
         loop {
             let is_over = control.ends_early == self.generation || control.generation != self.generation;
             if control.quit || control.stopped || (is_over && !self.outlasts()) {
@@ -154,7 +154,7 @@ impl<'a> FrameGate<'a> {
             if !control.paused {
                 return true;
             }
-            control = self.shared.wait(control);
+            control = self.session.wait(control);
         }
     }
 
@@ -162,7 +162,7 @@ impl<'a> FrameGate<'a> {
     pub(crate) fn patience(&self) -> LoadWait {
         let patience = LoadWait::new(Instant::now());
         #[cfg(feature = "faults")]
-        if let Some(job) = &self.shared.control().job
+        if let Some(job) = &self.session.control().job
             && job.options.faults.impatient_millis > 0
         {
             let every = Duration::from_millis(job.options.faults.impatient_millis.into());
@@ -173,6 +173,6 @@ impl<'a> FrameGate<'a> {
 
     /// The state to which results are written.
     pub(crate) fn shared(&self) -> &SharedState {
-        self.results
+        self.shared
     }
 }
