@@ -43,7 +43,7 @@ constants! {
     RAY_BYTES;
     SHADOW_RAY_BYTES;
     BOUNCE_KIND_BITS;
-    EVENT_COUNT = PathEvent::ALL.len() as u32;
+    EVENT_COUNT;
     EVENT_LIGHT = PathEvent::Light as u32;
     EVENT_DOME = PathEvent::Dome as u32;
     EVENT_SURFACE = PathEvent::Surface as u32;

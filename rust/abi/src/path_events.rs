@@ -50,6 +50,9 @@ impl PathEvent {
     }
 }
 
+/// Number of [`PathEvent`]s.
+pub const EVENT_COUNT: u32 = PathEvent::Surface as u32 + 1;
+
 /// Most light path expressions of a picture: bits of [`GpuPathAutomaton::accepts`], and as many images in
 /// [`crate::FrameConstants::light_images`].
 pub const MAX_EXPRESSIONS: usize = 32;

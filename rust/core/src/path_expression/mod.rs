@@ -85,10 +85,10 @@ impl EventSet {
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum PathPattern {
     Event(EventSet),
-    Sequence(Vec<PathPattern>),
-    Either(Vec<PathPattern>),
+    Sequence(Vec<Self>),
+    Either(Vec<Self>),
     /// So many times at least and at most; `None`: without end.
-    Repeat(Box<PathPattern>, u32, Option<u32>),
+    Repeat(Box<Self>, u32, Option<u32>),
 }
 
 impl PathPattern {

@@ -134,6 +134,7 @@ impl MeshEntry {
 fn is_dressed_alike(a: &MeshDesc, b: &MeshDesc) -> bool {
     a.material == b.material
         && a.categories == b.categories
+        && a.label == b.label
         && a.subsets.iter().map(|s| &s.material).eq(b.subsets.iter().map(|s| &s.material))
         && a.primvars.iter().map(|p| &p.name).eq(b.primvars.iter().map(|p| &p.name))
 }

@@ -58,7 +58,10 @@ pub(crate) fn mesh_lights(
         if !left_out.is_empty() {
             reports.note(mesh, format!("as a light it does not support {}", left_out.join(", ")));
         }
-        found.insert(mesh.clone(), MeshLight { radiance, sync, label: desc.label.clone() });
+        found.insert(
+            mesh.clone(),
+            MeshLight { radiance, sync, label: desc.label.clone().filter(|label| !label.is_empty()) },
+        );
     }
     found
 }

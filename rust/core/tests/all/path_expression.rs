@@ -133,9 +133,9 @@ fn automata_are_small_or_refused() {
 #[derive(Clone, Debug)]
 enum Reference {
     Event(String, BTreeSet<(&'static str, &'static str)>),
-    Sequence(Vec<Reference>),
-    Either(Vec<Reference>),
-    Repeat(Box<Reference>, usize, Option<usize>),
+    Sequence(Vec<Self>),
+    Either(Vec<Self>),
+    Repeat(Box<Self>, usize, Option<usize>),
 }
 
 const LABELS: [&str; 4] = ["", "key", "fill", "rim"];

@@ -154,3 +154,27 @@ fn removing_a_mesh_light_restores_the_mesh() {
     db.remove("/mesh");
     assert!(db.commit().snapshot.meshes.is_empty(), "mesh and light go together");
 }
+
+/// Of a prim with both the light's label counts; a label alone is a change of the scene.
+#[test]
+fn labels_are_those_of_the_light_or_of_the_mesh() {
+    let label = |text: &str| Some(Arc::<str>::from(text));
+    let mut db = SceneDb::new();
+    db.upsert_mesh(MeshDesc { label: label("skin"), ..triangle() });
+    let first = db.commit().snapshot;
+    assert_eq!(first.surfaces.labels, [vec![None; 5], vec![label("skin")]].concat(), "by prim id + 1");
+    assert!(first.surfaces.prims.is_empty(), "without a material there is nothing else of it");
+    db.upsert_mesh(MeshDesc { label: label("cloth"), ..triangle() });
+    let second = db.commit().snapshot;
+    assert!(second.version > first.version, "another scene");
+    assert_eq!(second.surfaces.labels[5], label("cloth"));
+    db.upsert_light(LightDesc { label: label("key"), ..light(MaterialSync::Independent) });
+    assert_eq!(db.commit().snapshot.surfaces.labels[5], label("key"), "the light's");
+    db.upsert_light(LightDesc { label: label(""), ..light(MaterialSync::Independent) });
+    assert_eq!(db.commit().snapshot.surfaces.labels[5], label("cloth"), "an empty one is none");
+    db.upsert_mesh(MeshDesc { label: None, ..triangle() });
+    assert_eq!(db.commit().snapshot.surfaces.labels, [], "none");
+    let lamp = LightDesc { prim: PrimDesc { path: "/lamp".into(), ..PrimDesc::default() }, ..LightDesc::default() };
+    db.upsert_light(LightDesc { label: label("fill"), ..lamp });
+    assert_eq!(db.commit().snapshot.lights[0].label, label("fill"), "a lamp's");
+}
