@@ -269,3 +269,23 @@ pub(super) fn is_known(member: &MemberPlacing) -> bool {
 pub(super) fn arrays_of(members: &[MemberPlacing]) -> impl Iterator<Item = &TypedArray> {
     members.iter().flat_map(|member| &member.arrays).flatten().flatten()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_most_worn_trees_are_built_first_within_a_number_of_records() {
+        let taken = |worn: &[(u64, f64, usize)]| {
+            let mut taken: Vec<u64> =
+                DevicePlacing { worn: worn.to_vec(), ..DevicePlacing::default() }.take_worn().into_iter().collect();
+            taken.sort_unstable();
+            taken
+        };
+        assert_eq!(taken(&[]), [0; 0]);
+        let large = REBUILT_RECORDS / 4 * 3;
+        assert_eq!(taken(&[(1, 1.6, large), (2, 3.0, large), (3, 1.7, 100)]), [2, 3], "the worst, and what fits");
+        assert_eq!(taken(&[(7, 1.6, 2 * REBUILT_RECORDS)]), [7], "one at least");
+        assert_eq!(taken(&[(5, f64::NAN, large), (6, 9.0, large)]), [5], "worse than any number");
+    }
+}
