@@ -24,6 +24,9 @@ struct Affine {
     dvec3 t;
 };
 
+const Affine IDENTITY =
+    Affine(dvec3(1.0LF, 0.0LF, 0.0LF), dvec3(0.0LF, 1.0LF, 0.0LF), dvec3(0.0LF, 0.0LF, 1.0LF), dvec3(0.0LF));
+
 struct PlacedInstance {
     vec4 rows[3];
     vec3 lower;
@@ -79,15 +82,14 @@ dvec4 quaternion(uint64_t array, uint number, bool halves) {
 // The rotation of a quaternion of any length; the identity for the zero quaternion.
 Affine rotation(dvec4 q) {
     const double norm = ((q.x * q.x + q.y * q.y) + q.z * q.z) + q.w * q.w;
-    const dvec3 o = dvec3(0.0LF);
-    if (norm == 0.0LF) return Affine(dvec3(1.0LF, 0.0LF, 0.0LF), dvec3(0.0LF, 1.0LF, 0.0LF), dvec3(0.0LF, 0.0LF, 1.0LF), o);
+    if (norm == 0.0LF) return IDENTITY;
     const double s = 2.0LF / norm;
     const dvec3 v = q.xyz * s;
     const dvec3 w = q.w * v;
     const double xx = q.x * v.x, xy = q.x * v.y, xz = q.x * v.z;
     const double yy = q.y * v.y, yz = q.y * v.z, zz = q.z * v.z;
     return Affine(dvec3(1.0LF - (yy + zz), xy + w.z, xz - w.y), dvec3(xy - w.z, 1.0LF - (xx + zz), yz + w.x),
-                  dvec3(xz + w.y, yz - w.x, 1.0LF - (xx + yy)), o);
+                  dvec3(xz + w.y, yz - w.x, 1.0LF - (xx + yy)), dvec3(0.0LF));
 }
 
 // A matrix as Gf stores it; false if it is not affine.
@@ -107,9 +109,10 @@ bool gf_matrix(uint64_t array, uint number, out Affine m) {
 
 // T * R * S * M of an instance; false if it has none.
 bool local_map(GpuChunkMember member, uint number, out Affine m) {
-    m = Affine(dvec3(1.0LF, 0.0LF, 0.0LF), dvec3(0.0LF, 1.0LF, 0.0LF), dvec3(0.0LF, 0.0LF, 1.0LF), dvec3(0.0LF));
+    m = IDENTITY;
     if (number >= member.count) return false;
-    if (member.rotations != 0ul) m = rotation(quaternion(member.rotations, number, (member.flags & MEMBER_HALVES) != 0u));
+    const bool halves = (member.flags & MEMBER_HALVES) != 0u;
+    if (member.rotations != 0ul) m = rotation(quaternion(member.rotations, number, halves));
     if (member.translations != 0ul) m.t = three_floats(member.translations, number);
     if (member.scales != 0ul) {
         const dvec3 s = three_floats(member.scales, number);
@@ -159,16 +162,15 @@ bool is_below(vec3 v, float limit) {
 // The placement of an instance of a member; false if it is not usable.
 bool place_instance(GpuChunkMember member, uint number, out PlacedInstance placed) {
     const Affine before = affine_of(member.before);
-    Affine inner = affine_of(member.after);
+    const Affine after = affine_of(member.after);
     Affine m;
     if ((member.flags & MEMBER_INSTANCED) != 0u) {
         Affine local;
         if (!local_map(member, number, local)) return false;
-        inner = (member.flags & MEMBER_AFTER) != 0u ? inner : Affine(dvec3(0.0LF), dvec3(0.0LF), dvec3(0.0LF), dvec3(0.0LF));
         m = times(before, local);
-        if ((member.flags & MEMBER_AFTER) != 0u) m = times(m, inner);
+        if ((member.flags & MEMBER_AFTER) != 0u) m = times(m, after);
     } else {
-        m = times(before, inner);
+        m = times(before, after);
     }
     const dvec3 across[3] = dvec3[3](cross_of(m.y, m.z), cross_of(m.z, m.x), cross_of(m.x, m.y));
     const double determinant = dot_of(m.z, across[2]);
@@ -188,7 +190,8 @@ bool place_instance(GpuChunkMember member, uint number, out PlacedInstance place
     const dvec3 away = -dvec3(dot_of(rows[0], seen.t), dot_of(rows[1], seen.t), dot_of(rows[2], seen.t));
     vec3 lower, upper;
     placed_box(seen, rows, away, center, half_sides, lower, upper);
-    bool usable = is_below(lower, MAX_MAGNITUDE) && is_below(upper, MAX_MAGNITUDE) && is_below(vec3(away), MAX_MAGNITUDE);
+    bool usable = is_below(lower, MAX_MAGNITUDE) && is_below(upper, MAX_MAGNITUDE);
+    usable = usable && is_below(vec3(away), MAX_MAGNITUDE);
     for (uint k = 0u; k < 3u; ++k) {
         usable = usable && is_below(placed.rows[k].xyz, MAX_MAGNITUDE) && abs(placed.rows[k].w) <= LARGEST;
     }

@@ -95,8 +95,8 @@ void write_bounds(TreeNodes nodes, uint node, vec3 lower[4], vec3 upper[4], vec3
     const bool is_empty = any(greaterThan(all_lower, all_upper));
     for (uint axis = 0u; axis < 3u && !is_empty; ++axis) {
         const float least = all_lower[axis], most = all_upper[axis];
-        const float spare = max(max(most * (1.0 / 256.0) - least * (1.0 / 256.0), abs(least) * (1.0 / 4194304.0)), 1e-30);
-        const float from = least - spare;
+        const float spare = max(most * (1.0 / 256.0) - least * (1.0 / 256.0), abs(least) * (1.0 / 4194304.0));
+        const float from = least - max(spare, 1e-30);
         origins[axis] = floatBitsToUint(from);
         const uint exponent = cell_exponent(double(most) - double(from));
         const double per_cell = 1.0LF / double(uintBitsToFloat(exponent << 23));

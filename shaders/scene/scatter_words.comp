@@ -9,7 +9,8 @@ layout(local_size_x = 64) in;
 layout(push_constant, scalar) uniform PushBlock { PlacingPush push; };
 
 void main() {
-    const uint entry = (gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x) * WORKGROUP_SIZE + gl_LocalInvocationIndex;
+    const uint group = gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x;
+    const uint entry = group * WORKGROUP_SIZE + gl_LocalInvocationIndex;
     if (entry >= push.count) return;
     ConstUints changed = ConstUints(push.source);
     Uints target = Uints(push.target);

@@ -92,7 +92,7 @@ shared! {
     /// Push constants of the passes of `shaders/scene`, 32 B.
     #[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
     pub struct PlacingPush {
-        /// `refit_chunks`: [`GpuHeldChunk`] array. `scatter_words`: for each changed element its number, then its words.
+        /// `refit_chunks`: [`GpuHeldChunk`] array. `scatter_words`: of each changed element its number, then its words.
         pub source: u64,
         /// `refit_chunks`: [`GpuRefittedChunk`] array. `scatter_words`: the array that is changed.
         pub target: u64,

@@ -293,10 +293,16 @@ impl Chunk {
     /// As [`Chunk::encode`], but gives each record with its number to `visit`, which may put it where it likes.
     pub fn encode_each(&self, range: Range<usize>, mut visit: impl FnMut(usize, &InstanceRecord)) {
         let members = self.members();
+        let mut plain = self.was_late().then(|| MemberReaders::new(&members, None));
         let mut readers = MemberReaders::new(&members, Some(self.origin));
         self.each(range, &mut readers, |at, member, rank, reader| {
-            // All placements of a chunk are usable, unless they were not looked at.
-            let placed = reader.place(rank).unwrap_or(PlacedInstance::NOWHERE);
+            // All placements of a chunk are usable, unless they were not looked at; what is, is decided in the
+            // assembly's frame.
+            let is_usable = plain.as_mut().is_none_or(|plain| {
+                let item = self.place(at).and_then(|(which, rank)| plain.item(which, rank));
+                item.is_some()
+            });
+            let placed = reader.place(rank).filter(|_| is_usable).unwrap_or(PlacedInstance::NOWHERE);
             visit(at, &member.record(rank, &placed));
         });
     }

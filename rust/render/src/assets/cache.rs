@@ -182,7 +182,7 @@ fn moved_from(scene: &DeviceScene, assets: &SceneAssets, keep: &FxHashSet<AssetK
 }
 
 impl DeviceScene {
-    /// Places the chunks that moved on the device, where it can ([`super::placing`]); the others are missing. Then
+    /// Places the chunks that moved on the device, where it can ([`super::moved`]); the others are missing. Then
     /// gives the top level the bounds of all. Returns whether the device placed what moved; `None` if nothing did.
     pub(crate) fn place_moved(
         &mut self,

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Scene data on the device: the list of assets (`catalog`), the sources of their bytes (`source`), loading (`load`,
 //! `encode`, `level`), the resident assets (`store`), the encodings and the shapes of trees kept in host memory
-//! (`kept`, `shapes`), what the device places by itself (`placing`, `lent_arrays`), the tables that rays read
+//! (`kept`, `shapes`), what the device places by itself (`moved`, `placing`, `lent_arrays`), the tables that rays read
 //! (`tables`), and all of it from frame to frame (`cache`).
 //!
 //! The way of a mesh from a snapshot to a ray: `catalog` -> `store` -> `load` -> `encode` -> `tables`; an instance
@@ -17,6 +17,7 @@ mod kept;
 mod lent_arrays;
 mod level;
 mod load;
+mod moved;
 mod place;
 mod placing;
 mod shapes;

@@ -6,14 +6,11 @@
 //! The arrays, and member and number of each record, are in the device's budget; where there is no room for them, or
 //! the device has no double precision, the host encodes chunks. Render thread only.
 
-use super::catalog::SceneAssets;
 use super::copied::CopiedAssets;
 use super::lent_arrays::{ArrayList, LentArrays, ScatteredWords, SentBytes};
 use super::source::{AssetKey, AssetSource};
-use super::store::AssetStore;
 use crate::device::{Device, PassSpecialisation};
 use crate::error::RenderError;
-use bytemuck::Zeroable;
 use oocpt_abi::{
     Features, GpuChunkMember, GpuHeldChunk, GpuRefittedChunk, MEMBER_AFTER, MEMBER_HALVES, MEMBER_INSTANCED,
     PlacingPush, groups,
@@ -26,7 +23,6 @@ use oocpt_gpu::{Buffer, BufferUsage, CommandList, HeapRange};
 use oocpt_shaders::scene;
 use rustc_hash::{FxHashMap, FxHashSet};
 use std::sync::Arc;
-use std::time::Duration;
 
 /// Nodes that are refitted at a time: 28 bytes of scratch memory each. A chunk may have more.
 const SCRATCH_NODES: usize = 1 << 20;
@@ -34,12 +30,8 @@ const SCRATCH_NODES: usize = 1 << 20;
 const REBUILT_RECORDS: usize = 1 << 16;
 /// Most elements of an array: 32 bits number the parts of an element, of which there are sixteen at most.
 const MAX_ELEMENTS: usize = 1 << 27;
-/// Most bytes of the members that are described for a snapshot.
-const MAX_DESCRIBED: usize = 64 << 20;
 /// Columns of the identity.
 const IDENTITY: [f64; 12] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0];
-/// The longest that placing may take before the device counts as lost.
-const TIMEOUT: Duration = Duration::from_secs(120);
 
 /// What is known of the shape of a chunk.
 #[derive(Debug)]
@@ -60,12 +52,13 @@ pub(super) struct DevicePlacing {
 }
 
 /// A chunk to place.
-struct MovedChunk<'a> {
-    chunk: &'a Arc<Chunk>,
-    members: Vec<MemberPlacing>,
+pub(super) struct MovedChunk<'a> {
+    pub(super) chunk: &'a Arc<Chunk>,
+    pub(super) members: Vec<MemberPlacing>,
     /// Where it is: the key that it had.
-    from: AssetKey,
-    records: u64,
+    pub(super) from: AssetKey,
+    /// Address of its records.
+    pub(super) records: u64,
 }
 
 impl DevicePlacing {
@@ -74,8 +67,13 @@ impl DevicePlacing {
         self.arrays.bytes() + self.shapes.values().map(|shape| shape.places.size()).sum::<u64>()
     }
 
+    /// Forgets the shapes that are not among these.
+    pub(super) fn keep(&mut self, shapes: &FxHashSet<u64>) {
+        self.shapes.retain(|shape, _| shapes.contains(shape));
+    }
+
     /// Takes the shapes that are to be built anew: those that have worn out most.
-    fn take_worn(&mut self) -> FxHashSet<u64> {
+    pub(super) fn take_worn(&mut self) -> FxHashSet<u64> {
         let mut worn = std::mem::take(&mut self.worn);
         worn.sort_unstable_by(|a, b| b.1.total_cmp(&a.1).then_with(|| a.0.cmp(&b.0)));
         let mut room = REBUILT_RECORDS;
@@ -94,7 +92,7 @@ impl DevicePlacing {
 
     /// Brings what the passes read, and records them; returns the results to come, in the order of `moved`, and the
     /// bytes sent.
-    fn record(
+    pub(super) fn record(
         &mut self,
         device: &Device,
         (moved, live): (&[MovedChunk<'_>], &ArrayList),
@@ -193,7 +191,7 @@ impl DevicePlacing {
     }
 
     /// Notes what became of chunks: how much the surface of their trees has grown.
-    fn note(&mut self, moved: &[MovedChunk<'_>], results: &[GpuRefittedChunk]) -> u64 {
+    pub(super) fn note(&mut self, moved: &[MovedChunk<'_>], results: &[GpuRefittedChunk]) -> u64 {
         let before = self.worn.len();
         for (MovedChunk { chunk, .. }, result) in moved.iter().zip(results) {
             let area = f64::from_bits(result.area);
@@ -208,49 +206,6 @@ impl DevicePlacing {
             }
         }
         (self.worn.len() - before) as u64
-    }
-}
-
-impl AssetStore {
-    /// Places the held chunks that moved, each in the memory that it had `before`, by shape. Those that cannot be
-    /// placed are left to the loader. Returns the bytes sent, and whether all were placed but for those that have worn
-    /// out.
-    pub(super) fn place_held(
-        &mut self,
-        device: &Device,
-        assets: &SceneAssets,
-        before: &FxHashMap<u64, AssetKey>,
-    ) -> Result<(u64, bool), RenderError> {
-        let rebuilt = self.placing.take_worn();
-        rebuilt.iter().for_each(|shape| self.shapes().forget(*shape));
-        let held: Vec<&Arc<Chunk>> = assets.held_chunks().collect();
-        let live: FxHashSet<u64> = held.iter().map(|chunk| chunk.shape()).collect();
-        self.placing.shapes.retain(|shape, _| live.contains(shape));
-        let (mut moved, mut arrays, mut described) = (Vec::new(), ArrayList::default(), 0);
-        for chunk in held {
-            let Some(members) = chunk.placing().filter(|members| members.iter().all(is_known)) else { continue };
-            arrays.add(arrays_of(&members));
-            let from = before.get(&chunk.shape()).filter(|_| !rebuilt.contains(&chunk.shape()));
-            let resident = from.and_then(|from| Some((from, self.get(from)?.address())));
-            described += members.len() * size_of::<GpuChunkMember>();
-            if let Some((&from, records)) = resident {
-                moved.push(MovedChunk { chunk, members, from, records });
-            }
-        }
-        if moved.is_empty() || described > MAX_DESCRIBED {
-            return Ok((0, false));
-        }
-        let (commands, read, bytes) = self.placing.record(device, (&moved, &arrays))?;
-        if !commands.submit()?.wait(TIMEOUT)? {
-            return Err(RenderError::Internal("placing instances did not finish".into()));
-        }
-        let mut results = vec![GpuRefittedChunk::zeroed(); moved.len()];
-        read.read(0, bytemuck::cast_slice_mut(&mut results))?;
-        let worn = self.placing.note(&moved, &results);
-        self.shapes().note_placed(moved.len() as u64, moved.iter().map(|moved| moved.chunk.len() as u64).sum(), worn);
-        moved.iter().for_each(|moved| self.take_over(&moved.from, AssetKey::Chunk(moved.chunk.key())));
-        let left = before.iter().filter(|(shape, key)| !rebuilt.contains(shape) && self.get(key).is_some());
-        Ok((bytes, left.count() == 0))
     }
 }
 
@@ -301,7 +256,7 @@ fn plain() -> PassSpecialisation {
 }
 
 /// Whether the passes read the arrays of a member.
-fn is_known(member: &MemberPlacing) -> bool {
+pub(super) fn is_known(member: &MemberPlacing) -> bool {
     use ElementType::{Matrix4d, Quatf, Quath, Vec3f};
     let read: [&[ElementType]; 4] = [&[Vec3f], &[Quatf, Quath], &[Vec3f], &[Matrix4d]];
     let arrays = member.arrays.iter().flat_map(|arrays| arrays.iter().zip(read));
@@ -311,6 +266,26 @@ fn is_known(member: &MemberPlacing) -> bool {
 }
 
 /// The arrays that place the records of members.
-fn arrays_of(members: &[MemberPlacing]) -> impl Iterator<Item = &TypedArray> {
+pub(super) fn arrays_of(members: &[MemberPlacing]) -> impl Iterator<Item = &TypedArray> {
     members.iter().flat_map(|member| &member.arrays).flatten().flatten()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_most_worn_trees_are_built_first_within_a_number_of_records() {
+        let taken = |worn: &[(u64, f64, usize)]| {
+            let mut taken: Vec<u64> =
+                DevicePlacing { worn: worn.to_vec(), ..DevicePlacing::default() }.take_worn().into_iter().collect();
+            taken.sort_unstable();
+            taken
+        };
+        assert_eq!(taken(&[]), [0; 0]);
+        let large = REBUILT_RECORDS / 4 * 3;
+        assert_eq!(taken(&[(1, 1.6, large), (2, 3.0, large), (3, 1.7, 100)]), [2, 3], "the worst, and what fits");
+        assert_eq!(taken(&[(7, 1.6, 2 * REBUILT_RECORDS)]), [7], "one at least");
+        assert_eq!(taken(&[(5, f64::NAN, large), (6, 9.0, large)]), [5], "worse than any number");
+    }
 }
