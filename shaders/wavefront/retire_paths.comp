@@ -15,6 +15,7 @@ void main() {
     if (!HAS_PATH_EXPRESSIONS) return;
     const uint words = 3u * FRAME.light_count;
     const uint64_t from = FRAME.light_values + uint64_t(path) * (4u * FRAME.light_stride);
-    const uint64_t to = FRAME.plane_values + 4u * (uint64_t(path_place(path)) * FRAME.plane_words + FRAME.sum_words - words);
+    const uint64_t values = FRAME.plane_values + uint64_t(path_place(path)) * (4u * FRAME.plane_words);
+    const uint64_t to = values + 4u * (FRAME.sum_words - words); // the last that are summed
     for (uint word = 0u; word < words; ++word) Floats(to).v[word] = ConstFloats(from).v[word];
 }

@@ -404,7 +404,8 @@ shared! {
         /// The same of its shadow ray, with what shines at its end.
         pub shadow_states: u64,
         /// f32x3 for each expression, every `light_stride` floats by path: the light of it that the path has met. In
-        /// core they are the last of `plane_values` that are summed; with `Features::STREAMING` they become so when the path ends.
+        /// core they are the last of `plane_values` that are summed; with `Features::STREAMING` they become so when the
+        /// path ends.
         pub light_values: u64,
         /// Outputs of `resolve_planes`: f32x3 per pixel for each expression, as those of `aov`.
         pub light_images: [u64; 32],
