@@ -25,6 +25,7 @@ use crate::host_memory::{self, HostMemoryUser};
 use crate::job::RenderJob;
 use crate::job::request::Severity;
 use crate::job::shared::FrameGate;
+use crate::job::timings::RenderTimings;
 use crate::lights::{FileCache, KeptLights, LightSource, LightTable, LightTables, MeshLightCache};
 use crate::streaming::{self, StreamBuffers};
 use crate::sync::lock;
@@ -294,16 +295,7 @@ impl Renderer {
         // A cap on geometry counts tiles, wherever they are.
         scene.maps_tiles = maps_host(device, &job.settings) && geometry_cap(job).is_none();
         limit_shapes(job, scene);
-        if let Some(is_placed) = scene.place_moved(device, &mut progress.timings)? {
-            gate.shared().places_moved.store(is_placed, Ordering::Relaxed);
-        }
-        let missing = scene.missing_bytes();
-        let mut in_core = self.fits(context, scene, missing);
-        if !in_core && scene.store.placing_bytes() > 0 {
-            scene.store.stop_placing();
-            in_core = self.fits(context, scene, missing);
-        }
-        in_core = in_core && !self.comes_meanwhile(context, missing);
+        let mut in_core = self.comes_in_core(context, scene, (gate, &mut progress.timings))?;
         if in_core {
             self.stream = None;
             scene.store.kept().limit(0);
@@ -340,6 +332,25 @@ impl Renderer {
         }
         self.scene = scenes;
         result
+    }
+
+    /// Places what moved where the device can, and says whether the scene is then rendered in core.
+    fn comes_in_core(
+        &mut self,
+        context: &FrameContext<'_>,
+        scene: &mut DeviceScene,
+        (gate, timings): (&FrameGate<'_>, &mut RenderTimings),
+    ) -> Result<bool, RenderError> {
+        if let Some(is_placed) = scene.place_moved(context.device, timings)? {
+            gate.shared().places_moved.store(is_placed, Ordering::Relaxed);
+        }
+        let missing = scene.missing_bytes();
+        let mut fits = self.fits(context, scene, missing);
+        if !fits && scene.store.placing_bytes() > 0 {
+            scene.store.stop_placing();
+            fits = self.fits(context, scene, missing);
+        }
+        Ok(fits && !self.comes_meanwhile(context, missing))
     }
 
     /// Renders a scene that does not fit the device: streams it until all of it is on the device or in host memory,

@@ -315,6 +315,28 @@ fn chunks_in_which_nothing_moved_stay_where_others_are_measured_late() {
 }
 
 #[test]
+fn a_chunk_that_nobody_measured_stays_late_when_others_in_it_move() {
+    let mut crowd = Crowd::new();
+    let mut db = database(&crowd, true);
+    let mut mesh = triangle("/j/p/m", 0.5);
+    mesh.prim.instanced_by = vec![by("/j", "/j/p")];
+    db.upsert_mesh(mesh);
+    let numbers: Vec<i32> = (0..2000).collect();
+    let mut points = spread(2000, SIDE, 3);
+    db.upsert_instancer(scatter("/j", &points, &[("/j/p", &numbers)]));
+    db.set_late(true);
+    committed(&mut db);
+    crowd.stir(1, 2.0, 0);
+    db.upsert_instancer(crowd.desc());
+    assert!(held(&db.commit().snapshot) > 0, "held, and nobody looks");
+    points.iter_mut().take(50).for_each(|point| point[0] += 0.01);
+    db.upsert_instancer(scatter("/j", &points, &[("/j/p", &numbers)]));
+    let after = shown(&db.commit().snapshot);
+    assert!(held(&after) > 0, "still held");
+    assert_eq!(after.world.validate(&after.meshes, &after.assemblies), Ok(()), "boxes hold what is in them");
+}
+
+#[test]
 fn what_is_torn_apart_is_cut_at_once_and_one_that_is_far_a_commit_later() {
     let mut crowd = Crowd::new();
     let mut db = database(&crowd, true);

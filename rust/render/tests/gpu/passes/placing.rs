@@ -106,13 +106,8 @@ fn run(gpu: &Arc<Gpu>, module: &ShaderModule, push: PlacingPush, size: [u32; 3],
     assert!(commands.submit().expect("submitted").wait(Duration::from_secs(120)).expect("alive"), "it ends");
 }
 
-/// Records, nodes and results of a chunk by the device, whose records and tree were `records` and `nodes`.
-fn placed(
-    gpu: &Arc<Gpu>,
-    chunk: &Chunk,
-    records: &[u8],
-    nodes: &[LevelNode],
-) -> (Vec<u8>, Vec<LevelNode>, GpuRefittedChunk) {
+/// The members of a chunk for the pass, and the arrays that they point to.
+fn described(gpu: &Arc<Gpu>, chunk: &Chunk) -> (Vec<GpuChunkMember>, Vec<Buffer>) {
     let members = chunk.placing().expect("at rest");
     let mut arrays: Vec<Buffer> = Vec::new();
     let mut described = Vec::new();
@@ -126,6 +121,7 @@ fn placed(
             })
         };
         let is_half = lent.and_then(|a| a[1].as_ref()).is_some_and(|a| a.element() == ElementType::Quath);
+        let flag = |is_set: bool, flag: u32| if is_set { flag } else { 0 };
         described.push(GpuChunkMember {
             before: member.before.map(f64::to_bits),
             after: member.after.unwrap_or_default().map(f64::to_bits),
@@ -137,17 +133,22 @@ fn placed(
             scales: address(2),
             transforms: address(3),
             count: u32::try_from(member.count).expect("few"),
-            flags: [
-                (lent.is_some(), MEMBER_INSTANCED),
-                (member.after.is_some(), MEMBER_AFTER),
-                (is_half, MEMBER_HALVES),
-            ]
-            .into_iter()
-            .filter(|(is_set, _)| *is_set)
-            .map(|(_, flag)| flag)
-            .sum(),
+            flags: flag(lent.is_some(), MEMBER_INSTANCED)
+                | flag(member.after.is_some(), MEMBER_AFTER)
+                | flag(is_half, MEMBER_HALVES),
         });
     }
+    (described, arrays)
+}
+
+/// Records, nodes and results of a chunk by the device, whose records and tree were `records` and `nodes`.
+fn placed(
+    gpu: &Arc<Gpu>,
+    chunk: &Chunk,
+    records: &[u8],
+    nodes: &[LevelNode],
+) -> (Vec<u8>, Vec<LevelNode>, GpuRefittedChunk) {
+    let (described, _arrays) = described(gpu, chunk);
     let mut places: Vec<[u32; 2]> = Vec::new();
     chunk.each_place(|member, number| places.push([member, number]));
     let inputs =
