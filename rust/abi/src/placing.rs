@@ -8,7 +8,7 @@
 use bytemuck::{Pod, Zeroable};
 
 /// Threads of a workgroup of `refit_chunks`, which has one for each chunk.
-pub const REFIT_THREADS: u32 = 128;
+pub const REFIT_THREADS: u32 = 1024;
 /// Most levels of a tree that `refit_chunks` refits: more than trees over 2^26 records have.
 pub const REFIT_LEVELS: u32 = 64;
 

@@ -11,6 +11,8 @@ pub struct DeviceLimits {
     pub max_allocation_bytes: u64,
     /// Largest number of workgroups of a dispatch in each dimension.
     pub max_workgroups: [u32; 3],
+    /// Largest number of threads of a workgroup.
+    pub max_workgroup_threads: u32,
     /// Largest size of push constants, bytes.
     pub max_push_bytes: u32,
     /// Bytes of shared memory of a workgroup.
@@ -27,6 +29,7 @@ impl DeviceLimits {
         Self {
             max_allocation_bytes: probed.max_allocation_bytes,
             max_workgroups: limits.max_compute_work_group_count,
+            max_workgroup_threads: limits.max_compute_work_group_invocations.min(limits.max_compute_work_group_size[0]),
             max_push_bytes: limits.max_push_constants_size,
             max_shared_bytes: limits.max_compute_shared_memory_size,
             subgroup_size: probed.subgroup_size,

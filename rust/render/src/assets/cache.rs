@@ -14,7 +14,7 @@ use crate::error::RenderError;
 use crate::job::shared::FrameGate;
 use crate::job::timings::RenderTimings;
 use crate::textures::{ImageLibrary, TextureCache};
-use oocpt_abi::MAX_LEVELS;
+use oocpt_abi::{MAX_LEVELS, REFIT_THREADS};
 use oocpt_core::inventory::RenderInventory;
 use oocpt_core::residency::AssetId;
 use oocpt_core::scene::Snapshot;
@@ -213,7 +213,8 @@ impl DeviceScene {
         timings: &mut RenderTimings,
     ) -> Result<bool, RenderError> {
         let started = Instant::now();
-        let placed = match device.gpu.report().capabilities.shader_float64 {
+        let has_doubles = device.gpu.report().capabilities.shader_float64;
+        let placed = match has_doubles && device.gpu.limits().max_workgroup_threads >= REFIT_THREADS {
             true => self.store.place_held(device, &self.assets, before),
             false => Ok((0, false)),
         };
