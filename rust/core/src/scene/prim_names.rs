@@ -5,7 +5,6 @@
 
 use super::{InstanceTarget, SceneDb, Snapshot};
 use rustc_hash::FxHashMap;
-use std::fmt::Write as _;
 use std::sync::Arc;
 
 /// An instancer on the way to a prim, and the number of its placements of what comes next.
@@ -27,16 +26,12 @@ impl PrimNames {
     #[must_use]
     pub fn object(&self, prim_id: i32, instance: u32) -> Option<String> {
         let (path, way) = self.prims.get(&prim_id)?;
-        let mut name = path.to_string();
         let indices = match way {
             Some(levels) => indices(levels, instance),
             None => vec![instance],
         };
-        for index in indices {
-            // Writing to a string cannot fail.
-            let _ = write!(name, "[{index}]");
-        }
-        Some(name)
+        let behind: Vec<String> = indices.into_iter().map(|index| format!("[{index}]")).collect();
+        Some(format!("{path}{}", behind.concat()))
     }
 
     /// The outermost instance that a placement is in, else the parent of its prim.

@@ -269,7 +269,7 @@ impl Drop for DeviceImage<'_> {
 /// Whether an image has the numbers that its size says.
 fn check(image: FloatImage<'_>, [width, height]: [usize; 2]) -> Result<(), DenoiserError> {
     let floats = width.checked_mul(height).and_then(|pixels| pixels.checked_mul(image.stride));
-    let is_whole = image.stride >= 3 && image.floats.len() > 0 && floats == Some(image.floats.len());
+    let is_whole = image.stride >= 3 && !image.floats.is_empty() && floats == Some(image.floats.len());
     if is_whole { Ok(()) } else { Err(DenoiserError::Size(image.floats.len(), width, height)) }
 }
 

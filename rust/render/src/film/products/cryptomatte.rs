@@ -7,7 +7,6 @@ use oocpt_abi::{ID_RANKS, IdSlot};
 use oocpt_core::scene::PrimNames;
 use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHashSet};
-use std::fmt::Write as _;
 
 /// Channels of a pixel: a hash and a share for each rank.
 pub(super) const CHANNELS: usize = 2 * ID_RANKS as usize;
@@ -115,15 +114,10 @@ fn attributes(name: &str, manifest: &[(String, u32)]) -> Vec<(String, String)> {
 
 /// The names with their hashes, as JSON.
 fn manifest_of(names: &[(String, u32)]) -> String {
-    let mut text = String::from("{");
-    for (at, (name, id)) in names.iter().enumerate() {
-        let comma = if at == 0 { "" } else { "," };
-        // Writing to a string cannot fail, and a name is always text.
-        let quoted = serde_json::to_string(name).unwrap_or_default();
-        let _ = write!(text, "{comma}{quoted}:\"{id:08x}\"");
-    }
-    text.push('}');
-    text
+    // A name is always text.
+    let quoted = |name: &str| serde_json::to_string(name).unwrap_or_default();
+    let entries: Vec<String> = names.iter().map(|(name, id)| format!("{}:\"{id:08x}\"", quoted(name))).collect();
+    format!("{{{}}}", entries.join(","))
 }
 
 #[cfg(test)]
