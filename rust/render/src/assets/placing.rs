@@ -22,6 +22,7 @@ use oocpt_core::partition::{Chunk, MemberPlacing};
 use oocpt_gpu::{Buffer, BufferUsage, CommandList, HeapRange};
 use oocpt_shaders::scene;
 use rustc_hash::{FxHashMap, FxHashSet};
+use std::collections::hash_map::Entry;
 use std::sync::Arc;
 
 /// Nodes that are refitted at a time: 28 bytes of scratch memory each. A chunk may have more.
@@ -102,11 +103,11 @@ impl DevicePlacing {
         let (mut sent, mut scattered) = (SentBytes::new(device)?, Vec::new());
         self.arrays.bring([&wanted, live], &mut sent, &mut scattered)?;
         for MovedChunk { chunk, .. } in moved {
-            if !self.shapes.contains_key(&chunk.shape()) {
+            if let Entry::Vacant(shape) = self.shapes.entry(chunk.shape()) {
                 let mut places: Vec<[u32; 2]> = Vec::with_capacity(chunk.len());
                 chunk.each_place(|member, number| places.push([member, number]));
                 let places = sent.range("places of records", bytemuck::cast_slice(&places))?;
-                self.shapes.insert(chunk.shape(), PlacedShape { places, area: None });
+                shape.insert(PlacedShape { places, area: None });
             }
         }
         let members: Vec<GpuChunkMember> =

@@ -24,7 +24,7 @@ pub(super) struct CryptomatteLayer {
     pub(super) unnamed: usize,
 }
 
-/// MurmurHash3_x86_32 with seed 0 (Appleby, public domain).
+/// `MurmurHash3_x86_32` with seed 0 (Appleby, public domain).
 fn murmur3(text: &[u8]) -> u32 {
     const C: [u32; 2] = [0xcc9e_2d51, 0x1b87_3593];
     let mixed = |k: u32| k.wrapping_mul(C[0]).rotate_left(15).wrapping_mul(C[1]);
