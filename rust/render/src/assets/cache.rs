@@ -139,7 +139,13 @@ impl SceneCache {
             _ => {
                 let textures = self.textures.sync(images, &snapshot.surfaces.textures);
                 let masks = self.textures.opacity_masks(&snapshot.surfaces, &textures.records);
-                let assets = Arc::new(SceneAssets::new(snapshot, &textures, masks)?);
+                let before = self.scene.as_ref().map(|scene| &scene.assets);
+                let kept = before.and_then(|assets| assets.with_other_lights(snapshot, &textures, &masks));
+                let assets = match kept {
+                    Some(assets) => assets,
+                    None => SceneAssets::new(snapshot, &textures, masks)?,
+                };
+                let assets = Arc::new(assets);
                 let mut before = FxHashMap::default();
                 let mut keep: FxHashSet<AssetKey> = assets.keys().map(|(_, key)| key).collect();
                 let mut store = match self.scene.take() {

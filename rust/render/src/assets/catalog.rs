@@ -17,6 +17,7 @@ use oocpt_core::mesh::level_nodes;
 use oocpt_core::partition::{Chunk, PartitionedWorld};
 use oocpt_core::residency::{AssetId, UnitCatalog, UnitId};
 use oocpt_core::scene::{InstanceTarget, Snapshot};
+use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHashSet};
 use std::sync::Arc;
 
@@ -91,7 +92,7 @@ impl SceneAssets {
         let closures = closures(snapshot, meshes);
         let chunk_rows: Vec<Vec<AssetId>> = world
             .chunks
-            .iter()
+            .par_iter()
             .enumerate()
             .map(|(index, chunk)| {
                 let own = asset_id(meshes + assemblies + index);
@@ -132,6 +133,33 @@ impl SceneAssets {
             sections,
             meshes,
             assemblies,
+        })
+    }
+
+    /// The assets of a later snapshot, if it has the geometry and textures of this one: an edit of a light, say.
+    pub(crate) fn with_other_lights(
+        &self,
+        snapshot: &Arc<Snapshot>,
+        textures: &Arc<TextureSet>,
+        masks: &Arc<OpacityMasks>,
+    ) -> Option<Self> {
+        fn same<T>(a: &[Arc<T>], b: &[Arc<T>]) -> bool {
+            a.len() == b.len() && a.iter().zip(b).all(|(a, b)| Arc::ptr_eq(a, b))
+        }
+        let old = &self.snapshot;
+        let has_same = same(&old.meshes, &snapshot.meshes)
+            && same(&old.assemblies, &snapshot.assemblies)
+            && same(&old.world.chunks, &snapshot.world.chunks)
+            && Arc::ptr_eq(&self.textures, textures);
+        has_same.then(|| Self {
+            snapshot: Arc::clone(snapshot),
+            textures: Arc::clone(textures),
+            masks: Arc::clone(masks),
+            sources: self.sources.clone(),
+            catalog: Arc::clone(&self.catalog),
+            needed: self.needed.clone(),
+            top: TopLevel::new(&snapshot.world),
+            ..*self
         })
     }
 
