@@ -128,6 +128,9 @@ fn view_of(scene: &Scene) -> RenderRequest {
     color_request(perspective(scene.eye, scene.target, 0.8, SIZE))
 }
 
+/// Name, scene, view and settings.
+type SummedScene = (&'static str, fn(&mut SceneDb), RenderRequest, Settings);
+
 #[test]
 fn parts_add_up_to_the_picture() {
     let texts = all_partitions();
@@ -135,7 +138,7 @@ fn parts_add_up_to_the_picture() {
     let clamped = Settings { clamp: 0.4, ..settings(9, 5) };
     let adaptive = Settings { adaptive_sampling: true, pixel_filter: PixelFilterKind::Mitchell, ..settings(16, 4) };
     let of = |scene: &Scene| (scene.name, scene.build, view_of(scene), settings(6, 4));
-    let scenes: Vec<(&str, fn(&mut SceneDb), RenderRequest, Settings)> = vec![
+    let scenes: Vec<SummedScene> = vec![
         ("zoo", zoo, zoo_view(), settings(12, 6)),
         ("zoo, clamped", zoo, zoo_view(), clamped),
         ("zoo, adaptive and filtered", zoo, zoo_view(), adaptive),

@@ -103,8 +103,8 @@ pub(crate) fn write(
     Ok(short.map(|(layer, matte)| format!("{layer}: {} names are not in the manifest", matte.unnamed)).collect())
 }
 
-/// The attributes `worldToCamera` and `worldToNDC` as `OpenEXR` defines them, for points as row vectors: view space looks
-/// along -z with +y up, and NDC goes from (0, 0) in the upper left corner of the display window to (1, 1).
+/// The attributes `worldToCamera` and `worldToNDC` as `OpenEXR` defines them, for points as row vectors: view space
+/// looks along -z with +y up, and NDC goes from (0, 0) in the upper left corner of the display window to (1, 1).
 #[expect(clippy::cast_possible_truncation, reason = "matrices of a file are of single precision")]
 fn matrices(camera: &Camera, file: &ProductFile) -> [[f32; 16]; 2] {
     let view = camera.world_from_view.inverse();

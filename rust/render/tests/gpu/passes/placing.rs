@@ -51,7 +51,7 @@ fn crowd(path: &str, kind: usize, frame: u32) -> InstancerDesc {
     for _ in 0..if frame > 1 { 40 } else { 0 } {
         let value = HOSTILE[random.word() as usize % HOSTILE.len()];
         let [n, axis] = [COUNT, 3].map(|below| random.word() as usize % below);
-        if random.word() % 2 == 0 { points[n][axis] = value } else { scales[n][axis] = value }
+        if random.word().is_multiple_of(2) { points[n][axis] = value } else { scales[n][axis] = value }
     }
     desc.translations = Some(TypedArray::of(points));
     desc.scales = Some(TypedArray::of(scales));
@@ -198,7 +198,8 @@ fn the_device_places_and_refits_as_the_host_does() {
     let gpu = open();
     let mut db = SceneDb::new();
     db.set_partition(PartitionOptions { chunk_bytes: 64 << 10 });
-    (db.set_live(true), db.set_late(true));
+    db.set_live(true);
+    db.set_late(true);
     let before = commit(&mut db, 0);
     let (mut chunks, mut dropped, mut flipped) = (0, 0, 0);
     for frame in [1, 2, 3] {
