@@ -63,9 +63,38 @@ fn everywhere(pixels: u64) -> [u32; 2] {
     [0, u32::try_from(pixels).unwrap_or(u32::MAX)]
 }
 
-/// Bytes of device memory that a film with the images of `job` takes for each pixel: of the sums of its samples, and of
-/// all else.
-pub(crate) fn bytes_a_pixel(job: &RenderJob) -> [u64; 2] {
+/// Bytes of device memory that a film takes for each pixel.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct FilmBytes {
+    /// What is known of its samples.
+    pub(crate) records: u64,
+    /// Sums of filtered images.
+    pub(crate) sums: u64,
+    /// Images, as they are copied to the host.
+    pub(crate) copied: u64,
+    /// Lists of adaptive samples, and images before they are copied.
+    pub(crate) rest: u64,
+}
+
+impl FilmBytes {
+    /// Of what goes on to the next samples.
+    pub(crate) fn kept(self) -> u64 {
+        self.records + self.sums
+    }
+
+    /// Of device memory in all; images are copied to memory of the host.
+    pub(crate) fn all(self) -> u64 {
+        self.kept() + self.rest
+    }
+
+    /// Of the largest buffer.
+    pub(crate) fn largest(self) -> u64 {
+        self.records.max(self.sums).max(self.copied)
+    }
+}
+
+/// What a film with the images of `job` takes.
+pub(crate) fn bytes_a_pixel(job: &RenderJob) -> FilmBytes {
     let (kinds, FilmSums { adaptive, filtered, .. }) = (job.request.kinds(), FilmSums::of(job, false));
     let has_light = kinds.iter().any(|kind| kind.is_of_light());
     let planes = filtered::filtered(&kinds, filtered);
@@ -74,12 +103,13 @@ pub(crate) fn bytes_a_pixel(job: &RenderJob) -> [u64; 2] {
     let images = kinds.iter().filter(is_plane).map(|kind| kind.pixel_bytes() as u64);
     let images = images.sum::<u64>();
     if !has_light && planes.is_empty() {
-        return [0, images];
+        return FilmBytes { copied: images, rest: images, ..FilmBytes::default() };
     }
     let records = film_bytes(1, adaptive);
     let sums = filtered::sums_bytes(&planes, records / size_of::<FilmPixel>() as u64);
     let lists = if adaptive { AdaptiveBuffers::BYTES } else { 0 };
-    [records + sums, lists + images + AovKind::Color.pixel_bytes() as u64]
+    let copied = images + AovKind::Color.pixel_bytes() as u64;
+    FilmBytes { records, sums, copied, rest: lists + copied }
 }
 
 /// Film, resolved colour and the planes of the other images.

@@ -12,7 +12,7 @@ use super::Renderer;
 use crate::device::Device;
 use crate::error::RenderError;
 use crate::film::filtered::sums_bytes;
-use crate::film::{self, FilmSums};
+use crate::film::{self, FilmBytes, FilmSums};
 use crate::frame::film_transfer::FilmTransfer;
 use crate::frame::kept_samples::KeptSamples;
 use crate::frame::progress::FrameProgress;
@@ -21,13 +21,17 @@ use crate::job::RenderJob;
 use crate::job::aov::AovKind;
 use crate::job::request::{Message, RenderRequest, Severity};
 use crate::job::shared::{FrameGate, SharedState};
-use crate::job::window::FilmWindow;
+use crate::job::window::{FilmWindow, PixelWindow};
 use crate::report::error_log::FIRST_TO_STOP;
 use crate::report::window_rows::WindowRows;
 use crate::sync::lock;
 use oocpt_abi::FilmPixel;
 use oocpt_core::settings::Settings;
+use oocpt_gpu::Gpu;
 use std::sync::Arc;
+
+/// Bytes of a film's buffers that are not of pixels, at most.
+const BESIDE_PIXELS: u64 = 1 << 20;
 
 /// How much of the device's memory budget films may take.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -72,9 +76,9 @@ struct WindowedPicture<'a> {
     told: Vec<Message>,
 }
 
-/// The windows in which the picture of `job` is rendered on a device with so much memory; one where it is rendered as a
-/// whole.
-pub(super) fn windows(job: &RenderJob, budget: u64, share: FilmShare) -> Vec<FilmWindow> {
+/// The windows in which the picture of `job` is rendered on a device: of so much memory, and no buffer larger than the
+/// driver allows; one where it is rendered as a whole.
+pub(super) fn windows(job: &RenderJob, gpu: &Gpu, share: FilmShare) -> Vec<FilmWindow> {
     let (settings, part) = (&job.settings, job.request.part());
     let whole = || FilmWindow::cut(part, u64::MAX);
     // The part of a film and the report of the chunks are files of the whole picture.
@@ -85,17 +89,23 @@ pub(super) fn windows(job: &RenderJob, budget: u64, share: FilmShare) -> Vec<Fil
     if let Some(pixels) = job.options.faults.film_window {
         return FilmWindow::cut(part, pixels.into());
     }
-    let bytes = film::bytes_a_pixel(job).iter().sum::<u64>();
+    cut(part, film::bytes_a_pixel(job), (gpu.memory().budget, gpu.limits().max_allocation_bytes), share)
+}
+
+/// The windows of a picture whose film takes so many bytes a pixel, with a budget of so many bytes and no buffer of more
+/// than `largest`.
+fn cut(part: PixelWindow, bytes: FilmBytes, (budget, largest): (u64, u64), share: FilmShare) -> Vec<FilmWindow> {
     let (most, window) = share.of(budget);
-    if bytes.saturating_mul(part.pixels()) <= most {
-        return whole();
+    let of_buffer = largest.saturating_sub(BESIDE_PIXELS) / bytes.largest().max(1);
+    if bytes.all().saturating_mul(part.pixels()) <= most && part.pixels() <= of_buffer {
+        return FilmWindow::cut(part, u64::MAX);
     }
-    FilmWindow::cut(part, window / bytes.max(1))
+    FilmWindow::cut(part, of_buffer.min(window / bytes.all().max(1)))
 }
 
 /// Whether the picture of `job` is rendered in smaller windows with [`FilmShare::Least`].
-pub(super) fn are_smaller(job: &RenderJob, budget: u64) -> bool {
-    windows(job, budget, FilmShare::Least).len() > windows(job, budget, FilmShare::Usual).len()
+pub(super) fn are_smaller(job: &RenderJob, gpu: &Gpu) -> bool {
+    windows(job, gpu, FilmShare::Least).len() > windows(job, gpu, FilmShare::Usual).len()
 }
 
 /// Numbers of samples after which all windows are to have the same ones.
@@ -137,7 +147,7 @@ fn host_bytes(job: &RenderJob, rounds: usize, shared: &SharedState) -> u64 {
     let Some(budget) = host_memory::budget(&job.settings) else { return 0 };
     let kinds = job.request.kinds();
     let images = job.request.image_pixels() * kinds.iter().map(|kind| kind.pixel_bytes() as u64).sum::<u64>();
-    let films = if rounds > 1 { film::bytes_a_pixel(job)[0] * job.request.pixels() } else { 0 };
+    let films = if rounds > 1 { film::bytes_a_pixel(job).kept() * job.request.pixels() } else { 0 };
     let bytes = images + films;
     if bytes.saturating_add(job.fixed_host_bytes) > budget {
         let [budget, images, films] = [budget, images, films].map(|bytes| bytes.div_ceil(1 << 20));
@@ -174,7 +184,7 @@ impl Renderer {
         progress: &mut FrameProgress<'_>,
         share: FilmShare,
     ) -> Result<(), RenderError> {
-        let windows = windows(job, device.gpu.memory().budget, share);
+        let windows = windows(job, &device.gpu, share);
         if windows.len() < 2 {
             return self.render_on(device, job, gate, progress);
         }
@@ -295,5 +305,26 @@ impl WindowedPicture<'_> {
                 shared.report(message.severity, message.text);
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn windows_fit_the_budget_and_the_largest_buffer() {
+        const GIB: u64 = 1 << 30;
+        let picture = PixelWindow::whole([3840, 2160]);
+        // Twenty expressions: 720 bytes of sums a pixel are 6 GB in one buffer.
+        let bytes = FilmBytes { records: 80, sums: 720, copied: 256, rest: 256 };
+        let of = |budget: u64, largest: u64| cut(picture, bytes, (budget, largest), FilmShare::Usual);
+        assert_eq!(of(140 * GIB, 16 * GIB).len(), 1, "all of it");
+        let windows = of(140 * GIB, 4 * GIB);
+        assert_eq!(windows.len(), 2, "as few as buffers allow");
+        assert!(windows.iter().all(|window| window.traced.pixels() * 720 + BESIDE_PIXELS <= 4 * GIB));
+        let windows = of(8 * GIB, 16 * GIB);
+        assert!(windows.iter().all(|window| window.traced.pixels() * 1056 <= 2 * GIB), "a quarter of the budget");
+        assert!(windows.len() > 3);
     }
 }

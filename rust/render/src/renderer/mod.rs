@@ -160,7 +160,7 @@ impl Renderer {
             self.begin_frugally(&device, progress)?;
             result = self.render_picture(&device, job, gate, progress, share);
         }
-        if is_short(&result) && film_windows::are_smaller(job, device.gpu.memory().budget) {
+        if is_short(&result) && film_windows::are_smaller(job, &device.gpu) {
             share = FilmShare::Least;
             self.begin_frugally(&device, progress)?;
             result = self.render_picture(&device, job, gate, progress, share);
