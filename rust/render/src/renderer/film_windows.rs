@@ -92,8 +92,8 @@ pub(super) fn windows(job: &RenderJob, gpu: &Gpu, share: FilmShare) -> Vec<FilmW
     cut(part, film::bytes_a_pixel(job), (gpu.memory().budget, gpu.limits().max_allocation_bytes), share)
 }
 
-/// The windows of a picture whose film takes so many bytes a pixel, with a budget of so many bytes and no buffer of more
-/// than `largest`.
+/// The windows of a picture whose film takes so many bytes a pixel, with a budget of so many bytes and no buffer of
+/// more than `largest`.
 fn cut(part: PixelWindow, bytes: FilmBytes, (budget, largest): (u64, u64), share: FilmShare) -> Vec<FilmWindow> {
     let (most, window) = share.of(budget);
     let of_buffer = largest.saturating_sub(BESIDE_PIXELS) / bytes.largest().max(1);
