@@ -250,7 +250,7 @@ fn every_descriptor_can_be_set_to_its_default_and_has_an_own_variable() {
         let name = Settings::env_name(descriptor.key).unwrap();
         assert!(name.starts_with("OOCPT_") && names.insert(name), "{name}");
     }
-    assert_eq!(names.len(), 41);
+    assert_eq!(names.len(), 43);
     assert_eq!(Settings::env_name("oocpt:samplesPerPixel"), Some("OOCPT_SAMPLES_PER_PIXEL"));
     assert_eq!(Settings::env_name("other"), None);
 }
@@ -268,6 +268,7 @@ fn other_value(value: &SettingValue, key: &str) -> SettingValue {
     match (value, key) {
         (_, "oocpt:traversal") => SettingValue::Text("native".into()),
         (_, "oocpt:pixelFilter") => SettingValue::Text("mitchell".into()),
+        (_, "oocpt:denoise") => SettingValue::Text("final".into()),
         (_, "oocpt:policy") => SettingValue::Text("sweep".into()),
         (_, "oocpt:hostMappedGeometry") => SettingValue::Text("off".into()),
         (SettingValue::Bool(value), _) => SettingValue::Bool(!value),
