@@ -309,8 +309,9 @@ fn a_film_goes_on_as_the_rows_say() {
         }
     }
     let of_samples = ["oocpt:samplesPerPixel", "oocpt:timeLimit", "oocpt:materialReport", "oocpt:report"];
-    let others = ["oocpt:reference", "oocpt:targetError", "oocpt:checkpoint", "oocpt:checkpointInterval"];
-    let others = [&others[..], &["oocpt:products", "convergedSamplesPerPixel"]].concat();
+    let others = ["oocpt:reference", "oocpt:targetError", "oocpt:denoise", "oocpt:denoiserLibrary"];
+    let last = ["oocpt:checkpoint", "oocpt:checkpointInterval", "oocpt:products", "convergedSamplesPerPixel"];
+    let others = [&others[..], &last[..]].concat();
     assert_eq!(goes_on, [&of_samples[..], &others[..]].concat(), "what the samples depend on begins again");
     assert!(Settings::default().goes_on_from(&Settings::default()), "the same settings");
 }
