@@ -4,9 +4,9 @@
 
 use crate::checkpoints::{Folder, by, open};
 use crate::filtered_images::{SAMPLES, SIZE, asking, blurred, card_met, cards, disk, ray, session_of};
-use crate::scenes::{features, nested};
+use crate::scenes::{features, instanced, instancer, matrix, nested, places, prim, sphere};
 use crate::support::{filtering, perspective, read, render, settings};
-use glam::DVec3;
+use glam::{DMat4, DVec3};
 use oocpt_abi::sampler::{pixel_seed, sample_4d};
 use oocpt_abi::{ID_RANKS, ID_SLOTS, IdSlot};
 use oocpt_core::pixel_filter::PixelFilterKind;
@@ -97,6 +97,42 @@ fn shares_add_up_to_alpha() {
             objects.iter().flatten().filter(|slot| slot.id != 0).map(|slot| (slot.id, slot.instance)).collect();
         assert!(instances.len() > 8, "placements are told apart: {instances:?}");
     }
+}
+
+/// The balls of `nested`, each a mesh with an id of its own: 100 and the flat index of the placement.
+fn balls_apart(db: &mut SceneDb) {
+    let [outer, inner] = places();
+    for (place, id) in outer.iter().flat_map(|o| inner.iter().map(move |i| matrix(o) * matrix(i))).zip(100..) {
+        db.upsert_mesh(sphere(prim(&format!("/ball{id}"), place), id, 8, 0.6));
+    }
+}
+
+#[test]
+fn placements_have_the_shares_of_meshes_in_their_places() {
+    let view = view_of_nested(&IDS[..1], SIZE);
+    let of = |build: fn(&mut SceneDb)| {
+        let session = session_of(settings(64, 0), false, build);
+        render(&session, &view);
+        slots(&session, &view, AovKind::CryptoObject)
+    };
+    let (nested, apart) = (of(nested_balls), of(balls_apart));
+    // A slot has the id + 1.
+    let shares = |ranks: &[IdSlot], number: fn(&IdSlot) -> u32| -> BTreeMap<u32, u32> {
+        ranks.iter().filter(|slot| slot.id != 0).map(|slot| (number(slot), slot.weight.to_bits())).collect()
+    };
+    let pairs = nested.iter().zip(&apart);
+    let differs = pairs.filter(|(a, b)| shares(a, |slot| slot.instance) != shares(b, |slot| slot.id - 101)).count();
+    assert!(differs <= 2, "{differs} pixels: an edge may be on the other side of a sample");
+    let mixed = apart.iter().filter(|ranks| ranks[1].id != 0).count();
+    assert!(mixed > 5, "pixels with several balls: {mixed}");
+}
+
+fn nested_balls(db: &mut SceneDb) {
+    let [outer, inner] = places();
+    db.upsert_instancer(instancer(prim("/outer", DMat4::IDENTITY), "/outer/clump", &outer));
+    let clump = instanced(prim("/outer/clump", DMat4::IDENTITY), "/outer");
+    db.upsert_instancer(instancer(clump, "/outer/clump/ball", &inner));
+    db.upsert_mesh(sphere(instanced(prim("/outer/clump/ball", DMat4::IDENTITY), "/outer/clump"), 2, 8, 0.6));
 }
 
 #[test]

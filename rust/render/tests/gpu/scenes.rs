@@ -168,7 +168,7 @@ pub(crate) fn instancer(prim: PrimDesc, root: &str, places: &[(DVec3, DQuat, DVe
 }
 
 /// Placements of the outer and inner instancer of [`nested`]: turned, stretched, one mirrored.
-fn places() -> [Vec<(DVec3, DQuat, DVec3)>; 2] {
+pub(crate) fn places() -> [Vec<(DVec3, DQuat, DVec3)>; 2] {
     let outer = (0..3).map(|i| {
         let x = f64::from(i);
         let mirror = if i == 1 { -1.0 } else { 1.0 };
@@ -182,7 +182,7 @@ fn places() -> [Vec<(DVec3, DQuat, DVec3)>; 2] {
     [outer.collect(), inner.collect()]
 }
 
-fn matrix(place: &(DVec3, DQuat, DVec3)) -> DMat4 {
+pub(crate) fn matrix(place: &(DVec3, DQuat, DVec3)) -> DMat4 {
     // As the arrays are stored: single precision.
     DMat4::from_translation(place.0.as_vec3().as_dvec3())
         * DMat4::from_quat(place.1.as_quat().as_dquat())
