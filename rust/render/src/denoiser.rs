@@ -4,11 +4,9 @@
 //! The render thread denoises images that were copied out and have not been published, so a host sees a picture before
 //! or after it, never one in between. Without the library pictures stay as they are, and the user is told once.
 
-use crate::sync::lock;
 use oocpt_core::settings::{DenoiseMode, Settings};
 use oocpt_gpu::{DenoiseQuality, DenoiserDevice, DenoiserError, FloatImage, NoisyPicture};
 use std::path::Path;
-use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
 /// Pictures on the way are denoised while one takes no longer than this.
@@ -24,7 +22,7 @@ pub(crate) struct SessionDenoiser {
     /// The file that was named, and what came of it.
     opened: Option<(String, Result<DenoiserDevice, DenoiserError>)>,
     is_told: bool,
-    /// Time that the last picture took.
+    /// Time that the last picture on the way took, without that of opening the library.
     took: Option<Duration>,
 }
 
@@ -58,7 +56,7 @@ pub(crate) struct DenoiseTask<'a> {
 }
 
 impl DenoiseTask<'_> {
-    /// Device memory and time are spent on the last picture, time alone on those on the way.
+    /// The last picture gets the best quality, those on the way the fastest.
     fn quality(&self) -> DenoiseQuality {
         if self.is_last { DenoiseQuality::High } else { DenoiseQuality::Fast }
     }
@@ -91,6 +89,7 @@ impl SessionDenoiser {
             Ok(denoiser) => denoiser,
             Err(error) => return self.tell(format!("the picture is not denoised: {error}; {HOW_TO_GET_IT}")),
         };
+        let opened = Instant::now();
         let image = |floats, stride| FloatImage { floats, stride };
         let (color, guides) = (image(color, 4), [image(albedo, 3), image(normal, 3)]);
         let size = task.size.map(|side| side as usize);
@@ -102,9 +101,11 @@ impl SessionDenoiser {
             Err(DenoiserError::Cancelled) => return Ok(None),
             Err(error) => return self.tell(format!("the picture is not denoised: {error}")),
         }
-        let (by, took) = (denoiser.name().to_owned(), began.elapsed());
-        self.took = Some(took);
-        Ok(Some(DenoisedPicture { rgba, by, took }))
+        let by = denoiser.name().to_owned();
+        if !task.is_last {
+            self.took = Some(opened.elapsed());
+        }
+        Ok(Some(DenoisedPicture { rgba, by, took: began.elapsed() }))
     }
 
     fn open(&mut self, task: &DenoiseTask<'_>) -> Result<&mut DenoiserDevice, DenoiserError> {
@@ -131,12 +132,18 @@ impl SessionDenoiser {
 const HOW_TO_GET_IT: &str = "install the package pyoidn with the Python that renders (pip install pyoidn), or name \
                              the library in oocpt:denoiserLibrary";
 
-/// As [`SessionDenoiser::denoise`], of the denoiser that a session's threads share.
-pub(crate) fn denoise(
-    denoiser: &Mutex<SessionDenoiser>,
-    images: [&[f32]; 3],
-    task: DenoiseTask<'_>,
-    goes_on: &dyn Fn() -> bool,
-) -> Result<Option<DenoisedPicture>, String> {
-    lock(denoiser).denoise(images, task, goes_on)
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pictures_on_the_way_are_denoised_on_request_and_while_that_is_fast() {
+        let of = |took: Option<Duration>| SessionDenoiser { took, ..SessionDenoiser::default() };
+        let wants = |denoise: DenoiseMode| Settings { denoise, ..Settings::default() };
+        let (fast, slow) = (of(Some(LONGEST_ON_THE_WAY)), of(Some(2 * LONGEST_ON_THE_WAY)));
+        let interactive = wants(DenoiseMode::Interactive);
+        assert!(of(None).is_due(&interactive, false) && fast.is_due(&interactive, false));
+        assert!(!slow.is_due(&interactive, false) && slow.is_due(&interactive, true), "the last one always");
+        assert!(!fast.is_due(&wants(DenoiseMode::Final), false));
+    }
 }

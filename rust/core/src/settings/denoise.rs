@@ -7,12 +7,12 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum DenoiseMode {
-    /// None but those that are asked for by name.
+    /// Only images that somebody asks for by name.
     #[default]
     Off,
-    /// The last one.
+    /// The last picture of a render.
     Final,
-    /// Those on the way, too, where that is fast.
+    /// Pictures on the way as well, where denoising is fast.
     Interactive,
 }
 

@@ -140,7 +140,7 @@ impl SceneCache {
                 let textures = self.textures.sync(images, &snapshot.surfaces.textures);
                 let masks = self.textures.opacity_masks(&snapshot.surfaces, &textures.records);
                 let before = self.scene.as_ref().map(|scene| &scene.assets);
-                let kept = before.and_then(|assets| assets.with_other_lights(snapshot, &textures, &masks));
+                let kept = before.and_then(|assets| assets.with_same_geometry(snapshot, &textures, &masks));
                 let assets = match kept {
                     Some(assets) => assets,
                     None => SceneAssets::new(snapshot, &textures, masks)?,

@@ -137,7 +137,7 @@ impl SceneAssets {
     }
 
     /// The assets of a later snapshot, if it has the geometry and textures of this one: an edit of a light, say.
-    pub(crate) fn with_other_lights(
+    pub(crate) fn with_same_geometry(
         &self,
         snapshot: &Arc<Snapshot>,
         textures: &Arc<TextureSet>,

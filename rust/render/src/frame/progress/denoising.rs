@@ -2,7 +2,7 @@
 //! Has pictures denoised before they are published.
 
 use super::FrameProgress;
-use crate::denoiser::{self, DenoiseTask, DenoisedPicture};
+use crate::denoiser::{DenoiseTask, DenoisedPicture};
 use crate::error::RenderError;
 use crate::film::Film;
 use crate::film::denoised;
@@ -29,9 +29,7 @@ impl DenoisingPlan {
         let is_wanted = job.film_window.is_none() && denoised::is_wanted(&job.request.kinds(), &job.settings);
         is_wanted.then(|| Self { settings: job.settings.clone(), last: None })
     }
-}
 
-impl DenoisingPlan {
     /// Whether hosts see the denoised picture in place of the colour.
     pub(super) fn replaces_color(&self) -> bool {
         denoised::replaces_color(&self.settings)
@@ -82,7 +80,7 @@ impl FrameProgress<'_> {
         let goes_on = || !gate.is_superseded();
         let uuid = lock(&self.shared.device).as_ref().map(|device| device.uuid);
         let task = DenoiseTask { settings: &denoising.settings, size: self.layout.window.size(), is_last, uuid };
-        let picture = denoiser::denoise(&self.shared.denoiser, images, task, &goes_on).unwrap_or_else(|text| {
+        let picture = lock(&self.shared.denoiser).denoise(images, task, &goes_on).unwrap_or_else(|text| {
             self.shared.report(Severity::Warning, text);
             None
         })?;
