@@ -3,6 +3,7 @@
 
 use super::{channels, frame_name};
 use crate::job::aov::AovRequest;
+use crate::job::deep::DeepLimits;
 use crate::job::expression::{ExpressionId, fit_together};
 use crate::job::product::{FileChannel, FileCompression, ProductFile, ProductPicture, ProductVar, RenderProduct};
 use crate::job::request::RenderRequest;
@@ -68,7 +69,9 @@ impl ProductPlan {
 /// Adds the images that a file needs.
 pub(crate) fn add_kinds(request: &mut RenderRequest, file: &ProductFile) {
     for FileChannel { kind, .. } in file.channels.iter().cloned() {
-        if request.aovs.iter().all(|aov| aov.kind != kind) {
+        if let Some(limits) = kind.deep() {
+            request.add_deep(limits);
+        } else if request.aovs.iter().all(|aov| aov.kind != kind) {
             request.aovs.push(AovRequest { kind, clear: kind.default_clear() });
         }
     }
@@ -79,9 +82,11 @@ fn file_of(
     (taken, parts): (&[PathBuf], &mut PlannedParts),
     warnings: &mut Vec<String>,
 ) -> Result<ProductFile, String> {
-    if !matches!(&*product.kind, "" | "raster") {
-        return Err(format!("its productType {} is not supported", product.kind));
-    }
+    let deep = match &*product.kind {
+        "" | "raster" => None,
+        "deepRaster" => Some(deep_limits(product, warnings)),
+        kind => return Err(format!("its productType {kind} is not supported")),
+    };
     let path = path_of(product)?;
     if taken.contains(&path) {
         return Err(format!("another product is {}", path.display()));
@@ -92,8 +97,18 @@ fn file_of(
     if !(product.pixel_aspect.is_finite() && product.pixel_aspect > 0.0) {
         return Err("its pixelAspectRatio is not a positive number".to_owned());
     }
-    let channels = channels_of(product, parts, warnings)?;
+    let mut channels = channels_of(product, (deep, parts), warnings)?;
+    if let Some(limits) = deep {
+        channels::complete_deep(&mut channels, limits);
+    }
     let mut compression = compression_of(product, warnings);
+    if deep.is_some() && !compression.is_of_deep_images() {
+        // Without a word where nobody asked: zip is what is used where nothing is said.
+        if channels::setting(&product.settings, &COMPRESSION).is_some() {
+            warnings.push(format!("{}: deep images are compressed by none or zips; zips is used", product.prim));
+        }
+        compression = FileCompression::Zips;
+    }
     if compression.is_lossy() && channels.iter().any(|channel| channel.cryptomatte.is_some()) {
         warnings.push(format!("{}: Cryptomatte needs exact numbers; zip is used", product.prim));
         compression = FileCompression::Zip;
@@ -102,6 +117,7 @@ fn file_of(
         prim: product.prim.clone(),
         path,
         channels,
+        deep,
         compression,
         space: space_of(product, warnings),
         pixel_aspect: product.pixel_aspect,
@@ -145,7 +161,7 @@ impl PlannedParts {
 
 fn channels_of(
     product: &RenderProduct,
-    parts: &mut PlannedParts,
+    (deep, parts): (Option<DeepLimits>, &mut PlannedParts),
     warnings: &mut Vec<String>,
 ) -> Result<Vec<FileChannel>, String> {
     let default = [ProductVar {
@@ -157,7 +173,11 @@ fn channels_of(
     let vars = if product.vars.is_empty() { &default[..] } else { &product.vars };
     let mut all = Vec::new();
     for var in vars {
-        match channels::of_var(var, &all).and_then(|channels| parts.take(channels)) {
+        let channels = match deep {
+            Some(limits) => channels::of_deep_var(var, limits, &all),
+            None => channels::of_var(var, &all).and_then(|channels| parts.take(channels)),
+        };
+        match channels {
             Ok(channels) if all.len() + channels.len() <= MAX_CHANNELS => {
                 let remarks = channels.iter().filter_map(channels::remark);
                 warnings.extend(remarks.map(|text| format!("{}: {text}", var.prim)));
@@ -169,6 +189,31 @@ fn channels_of(
     }
     if all.is_empty() { Err("nothing of what it asks for is there".to_owned()) } else { Ok(all) }
 }
+
+/// The limits of a deep image, by settings of the product.
+fn deep_limits(product: &RenderProduct, warnings: &mut Vec<String>) -> DeepLimits {
+    let mut limits = DeepLimits::default();
+    let mut take = |name: &str, of: &dyn Fn(DeepLimits, f32) -> Option<DeepLimits>| {
+        let Some(text) = channels::setting(&product.settings, &[name]) else { return };
+        match text.parse().ok().and_then(|number| of(limits, number)) {
+            Some(changed) => limits = changed,
+            None => warnings.push(format!("{}: {name} cannot be {text}; it is left out", product.prim)),
+        }
+    };
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "whole numbers in 1..=64")]
+    take("oocpt:deepSamples", &|limits, number| {
+        let is_whole = number.fract() == 0.0 && (1.0..=64.0).contains(&number);
+        is_whole.then(|| limits.with_samples(number as u8)).flatten()
+    });
+    take("oocpt:deepTolerance", &|limits, part| limits.with_depths(part, limits.depths()[1]));
+    for name in DEEP_DISTANCE {
+        take(name, &|limits, distance| limits.with_depths(limits.depths()[0], distance));
+    }
+    limits
+}
+
+/// Settings that name the distance below which deep samples are one: OocPT's, Arnold's.
+const DEEP_DISTANCE: [&str; 2] = ["arnold:depth_tolerance", "oocpt:deepDistance"];
 
 /// Settings that name the compression, by those who write scenes: OocPT's, Karma's, Arnold's.
 const COMPRESSION: [&str; 3] = ["oocpt:compression", "driver:parameters:OpenEXR:compression", "arnold:compression"];
