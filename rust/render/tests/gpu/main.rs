@@ -13,6 +13,7 @@ mod commits;
 mod control;
 mod curves_and_points;
 mod deformation;
+mod deep_images;
 mod denoised;
 mod determinism;
 mod edits;

@@ -336,12 +336,12 @@ mod tests {
 
     #[test]
     fn hostile_products_are_warnings() {
-        let deep = RenderProduct { kind: "deepRaster".into(), ..product("/deep", "a.exr") };
+        let kind = RenderProduct { kind: "deepVolume".into(), ..product("/kind", "a.exr") };
         let huge = RenderProduct { picture: Some(picture(u32::MAX)), ..product("/huge", "h.exr") };
         let flat = RenderProduct { pixel_aspect: f32::NAN, ..product("/flat", "f.exr") };
         let empty = RenderProduct { vars: vec![var("nothing")], ..product("/empty", "e.exr") };
         let products = [
-            deep,
+            kind,
             huge,
             flat,
             empty,
@@ -444,6 +444,56 @@ mod tests {
             }
         }
         assert!(written > 100, "{written}");
+    }
+
+    fn deep(name: &str, vars: &[&str], settings: &[(&str, &str)]) -> RenderProduct {
+        let settings = settings.iter().map(|(key, value)| ((*key).into(), (*value).into())).collect();
+        let vars = vars.iter().map(|name| var(name)).collect();
+        RenderProduct { kind: "deepRaster".into(), vars, settings, ..product("/deep", name) }
+    }
+
+    #[test]
+    fn deep_images_have_alpha_and_depth_and_what_samples_have() {
+        let all = plan(&[deep("a.exr", &["Ci", "primId", "CryptoObject", "albedo", "CryptoMaterial"], &[])]);
+        let names: Vec<&str> = all.of_host[0].channels.iter().map(|channel| channel.name.as_str()).collect();
+        assert_eq!(names, ["R", "G", "B", "primId", "CryptoObject", "A", "Z"]);
+        assert_eq!(all.of_host[0].compression, FileCompression::Zips, "deep images have no zip");
+        let told = ["/v/albedo: left out of a.exr: deep samples have no albedo", "not by materials"];
+        assert_eq!(all.warnings.len(), 2, "{:?}", all.warnings);
+        assert!(all.warnings.iter().zip(told).all(|(line, words)| line.contains(words)), "{:?}", all.warnings);
+    }
+
+    #[test]
+    fn limits_of_deep_images_are_settings() {
+        let limits = |settings: &[(&str, &str)]| {
+            let plan = plan(&[deep("a.exr", &["Ci"], settings)]);
+            let limits = plan.of_host[0].deep.expect("a deep image");
+            (limits.samples(), limits.depths(), plan.warnings.len())
+        };
+        assert_eq!(limits(&[]), (16, [1e-3, 0.0], 0));
+        assert_eq!(limits(&[("oocpt:deepSamples", "4"), ("oocpt:deepTolerance", "0.25")]), (4, [0.25, 0.0], 0));
+        assert_eq!(limits(&[("arnold:depth_tolerance", "0.5")]), (16, [1e-3, 0.5], 0));
+        for wrong in ["0", "65", "-3", "2.5", "NaN", "inf", "many", ""] {
+            assert_eq!(limits(&[("oocpt:deepSamples", wrong)]), (16, [1e-3, 0.0], 1), "{wrong}");
+        }
+        for wrong in ["-1", "NaN", "inf", "1e99", "x"] {
+            let of = |name: &str| limits(&[(name, wrong)]);
+            assert_eq!([of("oocpt:deepTolerance"), of("oocpt:deepDistance")], [(16, [1e-3, 0.0], 1); 2], "{wrong}");
+        }
+    }
+
+    #[test]
+    fn a_picture_has_one_deep_image_for_all_its_files() {
+        let coarse = [("oocpt:deepSamples", "2"), ("oocpt:deepTolerance", "0.5")];
+        let of = |name: &str, settings: &[(&str, &str)]| RenderProduct {
+            picture: Some(picture(8)),
+            ..deep(name, &["Ci"], settings)
+        };
+        let plan = plan(&[of("a.exr", &coarse), of("b.exr", &[("oocpt:deepSamples", "32")])]);
+        let request = &plan.before[0].request;
+        let limits = request.deep().expect("a deep image");
+        assert_eq!((limits.samples(), limits.depths()), (32, [1e-3, 0.0]), "the finer one of each");
+        assert_eq!(request.kinds(), [AovKind::Deep(limits)]);
     }
 
     #[test]
