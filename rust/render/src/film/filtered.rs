@@ -200,7 +200,11 @@ mod tests {
             assert_eq!(offset(&mut at, kind).is_some(), kind.is_filterable() || kind.ranks_ids(), "{kind:?}");
         }
         let all = filtered(&AovKind::ALL, true);
-        assert_eq!(SampleWords::of(&all), SampleWords { summed: 18, ids: 2, deep: None }, "six images of three channels");
+        assert_eq!(
+            SampleWords::of(&all),
+            SampleWords { summed: 18, ids: 2, deep: None },
+            "six images of three channels"
+        );
         assert!(all[..6].iter().all(|kind| kind.is_filterable()), "ids come last: {all:?}");
         assert_eq!(filtered(&AovKind::ALL, false), [AovKind::CryptoObject, AovKind::CryptoMaterial]);
         assert_eq!(size_of::<IdSlot>() * oocpt_abi::ID_RANKS as usize, AovKind::CryptoObject.pixel_bytes());

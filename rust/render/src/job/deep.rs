@@ -39,7 +39,8 @@ impl DeepLimits {
     pub fn with_depths(self, part: f32, distance: f32) -> Option<Self> {
         let is_valid = |depth: f32| depth.is_finite() && depth >= 0.0;
         // -0 is 0.
-        (is_valid(part) && is_valid(distance)).then(|| Self { depths: [part, distance].map(|d| d.abs().to_bits()), ..self })
+        (is_valid(part) && is_valid(distance))
+            .then(|| Self { depths: [part, distance].map(|d| d.abs().to_bits()), ..self })
     }
 
     /// Most samples of a pixel.

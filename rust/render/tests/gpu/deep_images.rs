@@ -81,7 +81,8 @@ fn samples_add_up_to_the_picture() {
         (PixelFilterKind::Box, false, false, 1),
         (PixelFilterKind::Gaussian, true, false, 4),
     ] {
-        let view = view_of_nested(&[AovKind::Color, deep(most, 1e-3)], SIZE);
+        let mut view = view_of_nested(&[AovKind::Color, deep(most, 1e-3)], SIZE);
+        view.camera.exposure_scale = 2.5;
         let of = Settings {
             pixel_filter: filter,
             adaptive_sampling: adaptive,

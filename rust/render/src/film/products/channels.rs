@@ -3,8 +3,8 @@
 
 use super::cryptomatte;
 use crate::job::aov::AovKind;
-use crate::job::expression::{ExpressionId, has_paths};
 use crate::job::deep::DeepLimits;
+use crate::job::expression::{ExpressionId, has_paths};
 use crate::job::product::{CryptomatteKind, DeepPart, FileChannel, ProductVar, SampleFormat};
 
 /// A source and the names that it goes by.

@@ -226,3 +226,67 @@ fn layers(mut slots: Vec<DeepSlot>) -> Vec<DeepSlot> {
     }
     layers
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn slot(id: u32, depth: f32, share: f32) -> DeepSlot {
+        DeepSlot { id, instance: 0, weight: share, depth, color: [share, 2.0 * share, 0.0], alpha: share }
+    }
+
+    /// Alpha and green of layers over each other.
+    fn flattened(layers: &[DeepSlot]) -> [f64; 2] {
+        let mut left = 1.0;
+        layers.iter().fold([0.0; 2], |[alpha, green], layer| {
+            let seen = [alpha + left * f64::from(layer.alpha), green + left * f64::from(layer.color[1])];
+            left *= 1.0 - f64::from(layer.alpha);
+            seen
+        })
+    }
+
+    #[test]
+    fn layers_over_each_other_have_the_shares_of_their_slots() {
+        let third = 1.0 / 3.0;
+        for shares in [[0.5, 0.25, 0.25], [third, third, third], [0.125, 0.0, 0.5], [1.0, 0.0, 0.0]] {
+            let [a, b, c] = shares;
+            let layers = layers(vec![slot(3, 9.0, c), slot(1, 2.0, a), slot(2, 4.0, b)]);
+            assert!(layers.windows(2).all(|pair| pair[0].depth <= pair[1].depth), "nearest first");
+            assert!(layers.iter().all(|layer| (0.0..=1.0).contains(&layer.alpha)), "{layers:?}");
+            let [alpha, green] = flattened(&layers);
+            let sum = f64::from(a + b + c);
+            assert!((alpha - sum).abs() < 1e-6 && (green - 2.0 * sum).abs() < 2e-6, "{shares:?}: {alpha} {green}");
+        }
+        let [front, back] = layers(vec![slot(1, 1.0, 0.5), slot(2, 2.0, 0.5)])[..] else { panic!("two layers") };
+        assert_eq!([front.alpha, back.alpha], [0.5, 1.0], "what is behind is all of what is left");
+    }
+
+    #[test]
+    fn light_behind_what_hides_all_is_not_lost() {
+        let glow = DeepSlot { alpha: 0.0, ..slot(2, 5.0, 0.25) };
+        let layers = layers(vec![slot(1, 1.0, 1.0), glow]);
+        assert_eq!(layers.len(), 1);
+        assert!((flattened(&layers)[1] - 2.5).abs() < 1e-6, "{layers:?}");
+    }
+
+    #[test]
+    fn other_limits_join_the_nearest_of_one_thing_first() {
+        let limits = |samples, part| {
+            let usual = DeepLimits::default().with_samples(samples);
+            usual.and_then(|limits| limits.with_depths(part, 0.0)).expect("limits")
+        };
+        let all = [slot(1, 1.0, 0.25), slot(2, 1.01, 0.25), slot(1, 2.0, 0.125), slot(1, 2.1, 0.125)];
+        let [two, three] = [limits(2, 0.0), limits(3, 0.0)].map(|limits| fewer(&all, limits));
+        assert_eq!(three.iter().map(|slot| slot.id).collect::<Vec<_>>(), [1, 2, 1]);
+        assert!((three[2].depth - 2.05).abs() < 1e-6 && (three[2].weight - 0.25).abs() < 1e-6, "{three:?}");
+        assert_eq!(two.len(), 2, "{two:?}");
+        assert_eq!(fewer(&all, limits(1, 0.0)).len(), 1);
+        assert_eq!(fewer(&all, limits(16, 0.05)).len(), 3, "depths that are near");
+        for kept in [&two, &three] {
+            assert!((kept.iter().map(|slot| slot.alpha).sum::<f32>() - 0.75).abs() < 1e-6, "all of it");
+        }
+        let sky = DeepSlot { depth: oocpt_abi::DEEP_FAR, ..slot(0, 0.0, 0.25) };
+        let [joined] = fewer(&[slot(1, 3.0, 0.25), sky], limits(1, 0.0))[..] else { panic!("one slot") };
+        assert!((joined.depth - 3.0).abs() < 1e-6, "the sky has no depth");
+    }
+}

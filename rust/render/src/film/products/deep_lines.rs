@@ -140,3 +140,82 @@ fn packed(bytes: &[u8], compression: Compression) -> Result<Vec<u8>> {
     let compressed = encoder.finish()?;
     Ok(if compressed.len() < bytes.len() { compressed } else { bytes.to_vec() })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use exr::meta::BlockDescription;
+    use exr::meta::attribute::{ChannelDescription, ChannelList, IntegerBounds, LineOrder, SampleType};
+    use exr::prelude::{ImageAttributes, LayerAttributes, Vec2};
+    use std::fs::OpenOptions;
+
+    fn header(compression: Compression, height: usize) -> Header {
+        let channel = ChannelDescription {
+            name: Text::from("Z"),
+            sample_type: SampleType::F32,
+            quantize_linearly: false,
+            sampling: Vec2(1, 1),
+        };
+        Header {
+            channels: ChannelList::new([channel].into_iter().collect()),
+            compression,
+            blocks: BlockDescription::ScanLines,
+            line_order: LineOrder::Increasing,
+            layer_size: Vec2(3, height),
+            chunk_count: height,
+            deep: true,
+            deep_data_version: Some(1),
+            max_samples_per_pixel: Some(0),
+            shared_attributes: ImageAttributes::new(IntegerBounds::new(Vec2(0, 0), Vec2(3, height))),
+            own_attributes: LayerAttributes::default(),
+        }
+    }
+
+    /// A line of three pixels with y, 0 and 300 samples.
+    fn line(y: usize) -> DeepLine {
+        DeepLine { counts: vec![y, 0, 300], data: vec![7; 4 * (y + 300)] }
+    }
+
+    #[test]
+    fn bytes_that_do_not_become_fewer_stay_as_they_are() {
+        let noise: Vec<u8> = (0..97_u32).map(|k| (k.wrapping_mul(2_654_435_761) >> 24) as u8).collect();
+        assert_eq!(packed(&noise, Compression::ZIP1).expect("bytes"), noise);
+        assert!(packed(&[5; 1000], Compression::ZIP1).expect("bytes").len() < 100);
+        assert_eq!(packed(&[5; 1000], Compression::Uncompressed).expect("bytes"), [5; 1000]);
+        assert!(packed(&[], Compression::ZIP1).expect("bytes").is_empty());
+    }
+
+    #[test]
+    fn the_table_has_the_places_of_lines() {
+        for compression in [Compression::Uncompressed, Compression::ZIP1] {
+            let path = std::env::temp_dir().join(format!("oocpt-deep-lines-{}.exr", std::process::id()));
+            // Lines of a size that are made one by one.
+            for line_bytes in [1, BYTES_AT_ONCE] {
+                oocpt_files::replace_by(&path, |out| write(out, header(compression, 5), line_bytes, line))
+                    .expect("a file");
+                let bytes = std::fs::read(&path).expect("the file");
+                let with_most = Header { max_samples_per_pixel: Some(300), ..header(compression, 5) };
+                let start = start_of(&with_most).expect("a header");
+                assert!(bytes.starts_with(&start), "with the most samples");
+                let word = |at: usize| u64::from_le_bytes(bytes[at..at + 8].try_into().expect("8 bytes"));
+                let mut at = start.len() + 5 * 8;
+                for y in 0..5 {
+                    assert_eq!(word(start.len() + 8 * y), at as u64, "line {y}");
+                    assert_eq!(bytes[at..at + 4], u32::try_from(y).expect("small").to_le_bytes());
+                    assert_eq!(word(at + 20), 4 * (y as u64 + 300), "bytes that are not packed");
+                    at += 28 + usize::try_from(word(at + 4) + word(at + 12)).expect("small");
+                }
+                assert_eq!(at, bytes.len());
+            }
+            std::fs::remove_file(path).expect("it is there");
+        }
+    }
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn a_full_disk_is_an_error() {
+        let full = || OpenOptions::new().write(true).open("/dev/full").expect("a device that is always full");
+        let error = write(full(), header(Compression::ZIP1, 5), 1, line).expect_err("nothing fits");
+        assert_eq!(error.kind(), std::io::ErrorKind::StorageFull, "{error}");
+    }
+}
