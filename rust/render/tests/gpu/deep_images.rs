@@ -152,7 +152,8 @@ fn deep_images_have_the_same_bits_everywhere() {
         ("in windows", by(TraversalKind::Compute), Some(45 * 9), false),
     ];
     // Few samples, so that many pixels are full; beside other images whose values come before.
-    let kinds = [AovKind::Color, AovKind::Normal, AovKind::CryptoObject, deep(4, 1e-3)];
+    let ids = [AovKind::CryptoObject, AovKind::CryptoMaterial];
+    let kinds = [AovKind::Color, AovKind::Normal, ids[0], ids[1], deep(4, 1e-3)];
     let view = view_of_nested(&kinds, [45, 31]);
     for (name, build, samples) in [("nested", nested as fn(&mut SceneDb), 64), ("features", features, 9)] {
         let images = ways.clone().map(|(_, way, windows, streams)| {
@@ -163,6 +164,13 @@ fn deep_images_have_the_same_bits_everywhere() {
         });
         for ((way, ..), others) in ways.iter().zip(&images) {
             assert!(images[0] == *others, "{name}, {way}");
+        }
+        for (kinds, at) in [(&kinds[2..4], 2), (&kinds[4..], 4)] {
+            let view = view_of_nested(kinds, [45, 31]);
+            let session = in_windows(build, Settings { samples_per_pixel: samples, ..ways[0].1.clone() }, None, false);
+            render(&session, &view);
+            let alone = kinds.iter().map(|kind| read::<u8>(&session, &view, *kind));
+            assert!(alone.eq(images[0][at..].iter().take(kinds.len()).cloned()), "{name}, {kinds:?} without others");
         }
     }
 }

@@ -178,7 +178,9 @@ mod tests {
 
     #[test]
     fn bytes_that_do_not_become_fewer_stay_as_they_are() {
-        let noise: Vec<u8> = (0..97_u32).map(|k| (k.wrapping_mul(2_654_435_761) >> 24) as u8).collect();
+        let noise =
+            std::iter::successors(Some(1_u32), |k| Some(k.wrapping_mul(747_796_405).wrapping_add(2_891_336_453)));
+        let noise: Vec<u8> = noise.map(|k| k.to_le_bytes()[3]).take(97).collect();
         assert_eq!(packed(&noise, Compression::ZIP1).expect("bytes"), noise);
         assert!(packed(&[5; 1000], Compression::ZIP1).expect("bytes").len() < 100);
         assert_eq!(packed(&[5; 1000], Compression::Uncompressed).expect("bytes"), [5; 1000]);
