@@ -68,7 +68,8 @@ def stage(products, settings="", things=True):
     looks = '    def Scope "Looks"\n    {\n'
     body = body.replace(looks, looks + LOOKS, 1)
     if things:
-        body = body.replace('    def Mesh "Mover"', GLASS + test_cryptomatte.CARD + '    }\n    def Mesh "Mover"', 1) + SKY
+        mover = '    def Mesh "Mover"'
+        body = body.replace(mover, GLASS + test_cryptomatte.CARD + "    }\n" + mover, 1) + SKY
     variables = "".join(
         f'def RenderVar "{name}"\n{{\n    uniform token dataType = "{kind}"\n'
         f'    uniform string sourceName = "{source}"\n}}\n'

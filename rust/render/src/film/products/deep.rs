@@ -7,11 +7,10 @@
 
 use super::cryptomatte::{self, NamedThings};
 use super::deep_lines::{self, DeepLine};
-use super::file::{ProductError, compression};
-use crate::job::aov::AovKind;
 use crate::job::deep::DeepLimits;
 use crate::job::product::{DeepPart, FileChannel, ProductFile, SampleFormat};
 use bytemuck::pod_collect_to_vec;
+use exr::compression::Compression;
 use exr::meta::attribute::{ChannelDescription, ChannelList, LineOrder, SampleType, Text};
 use exr::meta::{BlockDescription, header::Header};
 use exr::prelude::{ImageAttributes, LayerAttributes, Vec2, f16};
@@ -28,6 +27,7 @@ const NOTHING_LEFT: f64 = 1e-6;
 #[derive(Debug)]
 pub(super) struct DeepImage<'a> {
     file: &'a ProductFile,
+    compression: Compression,
     /// In the order of their names, as they are in a file.
     channels: Vec<&'a FileChannel>,
     /// Of the file, and of the image, which may have more.
@@ -38,24 +38,24 @@ pub(super) struct DeepImage<'a> {
 }
 
 impl<'a> DeepImage<'a> {
-    /// The image of `file`, of the rows of a deep image of `kind`, top row first.
+    /// The image of `file`, of the rows of a deep image of these limits, top row first; `None` if it asks for names and
+    /// there are none.
     pub(super) fn new(
-        (file, limits): (&'a ProductFile, DeepLimits),
-        kind: AovKind,
+        (file, compression): (&'a ProductFile, Compression),
+        limits: DeepLimits,
         rows: Vec<&'a [u8]>,
         names: Option<&PrimNames>,
-    ) -> Result<Self, ProductError> {
+    ) -> Option<Self> {
         let mut channels: Vec<&FileChannel> = file.channels.iter().collect();
         channels.sort_by(|a, b| a.name.cmp(&b.name));
         let mut named = NamedThings::default();
-        if let Some((kind_of_names, layer)) = channels.iter().find_map(|channel| channel.cryptomatte.as_ref()) {
-            let names = names.ok_or(ProductError::Image(kind))?;
+        if let Some((kind, layer)) = channels.iter().find_map(|channel| channel.cryptomatte.as_ref()) {
             let slots = rows.iter().flat_map(|row| row.chunks_exact(size_of::<DeepSlot>()));
             let slots = slots.map(bytemuck::pod_read_unaligned::<DeepSlot>);
             let seen: FxHashSet<_> = slots.filter(|slot| slot.id != 0).map(|slot| (slot.id, slot.instance)).collect();
-            named = cryptomatte::named((*kind_of_names, layer), names, seen);
+            named = cryptomatte::named((*kind, layer), names?, seen);
         }
-        Ok(Self { file, channels, limits: [limits, kind.deep().unwrap_or(limits)], rows, named })
+        Some(Self { file, compression, channels, limits: [file.deep.unwrap_or(limits), limits], rows, named })
     }
 
     /// What a user should know of the file.
@@ -80,7 +80,7 @@ impl<'a> DeepImage<'a> {
         });
         let header = Header {
             channels: ChannelList::new(channels.collect()),
-            compression: compression(self.file.compression),
+            compression: self.compression,
             blocks: BlockDescription::ScanLines,
             line_order: LineOrder::Increasing,
             layer_size: Vec2(width, self.rows.len()),

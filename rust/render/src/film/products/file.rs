@@ -66,9 +66,11 @@ pub(crate) fn write(
         std::fs::create_dir_all(folder).map_err(file_error)?;
     }
     if let Some(limits) = file.deep {
-        let kind = AovKind::Deep(request.deep().unwrap_or(limits));
-        let rows = rows(request, images, kind).ok_or(ProductError::Image(kind))?;
-        let image = DeepImage::new((file, limits), kind, rows, names)?;
+        let limits = request.deep().unwrap_or(limits);
+        let missing = || ProductError::Image(AovKind::Deep(limits));
+        let rows = rows(request, images, AovKind::Deep(limits)).ok_or_else(missing)?;
+        let compression = compression(file.compression);
+        let image = DeepImage::new((file, compression), limits, rows, names).ok_or_else(missing)?;
         let (layer, shared) = header_of(file, request, (attributes, &image.named.attributes));
         oocpt_files::replace_by(&file.path, |out| image.write(out, layer, shared)).map_err(file_error)?;
         return Ok(image.warning().into_iter().collect());
@@ -227,7 +229,7 @@ fn samples(rows: &[&[u8]], channel: &FileChannel, of_color: Option<[f64; 3]>) ->
     }
 }
 
-pub(super) fn compression(compression: FileCompression) -> Compression {
+fn compression(compression: FileCompression) -> Compression {
     match compression {
         FileCompression::None => Compression::Uncompressed,
         FileCompression::Rle => Compression::RLE,
