@@ -82,8 +82,10 @@ fn file_of(
     (taken, parts): (&[PathBuf], &mut PlannedParts),
     warnings: &mut Vec<String>,
 ) -> Result<ProductFile, String> {
+    let has_deep_driver = channels::setting(&product.settings, &["arnold:driver"]) == Some("driver_deepexr");
     let deep = match &*product.kind {
-        "" | "raster" => None,
+        "" | "raster" if !has_deep_driver => None,
+        "" | "raster" => Some(deep_limits(product, warnings)),
         "deepRaster" => Some(deep_limits(product, warnings)),
         kind => return Err(format!("its productType {kind} is not supported")),
     };
@@ -213,7 +215,8 @@ fn deep_limits(product: &RenderProduct, warnings: &mut Vec<String>) -> DeepLimit
 }
 
 /// Settings that name the distance below which deep samples are one: OocPT's, Arnold's.
-const DEEP_DISTANCE: [&str; 2] = ["arnold:depth_tolerance", "oocpt:deepDistance"];
+const DEEP_DISTANCE: [&str; 3] =
+    ["arnold:depth_tolerance", "arnold:driver_deepexr:depth_tolerance", "oocpt:deepDistance"];
 
 /// Settings that name the compression, by those who write scenes: OocPT's, Karma's, Arnold's.
 const COMPRESSION: [&str; 3] = ["oocpt:compression", "driver:parameters:OpenEXR:compression", "arnold:compression"];
@@ -479,6 +482,15 @@ mod tests {
         for wrong in ["-1", "NaN", "inf", "1e99", "x"] {
             let of = |name: &str| limits(&[(name, wrong)]);
             assert_eq!([of("oocpt:deepTolerance"), of("oocpt:deepDistance")], [(16, [1e-3, 0.0], 1); 2], "{wrong}");
+        }
+    }
+
+    #[test]
+    fn arnolds_driver_of_deep_images_is_known() {
+        let mut product = deep("a.exr", &["Ci"], &[("arnold:driver", "driver_deepexr")]);
+        for (kind, driver, is_deep) in [("raster", "driver_deepexr", true), ("raster", "driver_exr", false)] {
+            (product.kind, product.settings[0].1) = (kind.into(), driver.into());
+            assert_eq!(plan(&[product.clone()]).of_host[0].deep.is_some(), is_deep, "{driver}");
         }
     }
 
