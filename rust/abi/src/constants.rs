@@ -76,6 +76,7 @@ constants! {
     FILM_PIXEL_BYTES;
     PLANE_SUM_BYTES;
     ID_SLOT_BYTES;
+    DEEP_SLOT_BYTES;
     ID_SLOTS;
     ID_RANKS;
     ERROR_SUMS_BYTES;

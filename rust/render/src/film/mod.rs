@@ -364,7 +364,7 @@ impl Film {
                 }
             }
         }
-        for (kind, plane) in self.planes.iter().filter(|(kind, _)| kind.expression().is_some()) {
+        for (kind, plane) in self.planes.iter().filter(|(kind, _)| !AovKind::ALL.contains(kind)) {
             inventory.add(&format!("image {}", kind.name()), plane.size());
         }
         match &self.adaptive {
@@ -400,6 +400,7 @@ impl Film {
         for (kind, plane) in &self.planes {
             let address = match kind {
                 AovKind::Color | AovKind::Denoised | AovKind::Light(_) => continue,
+                AovKind::Deep(_) => &mut frame.deep_image,
                 AovKind::Depth => &mut frame.aov.depth,
                 AovKind::CameraDepth => &mut frame.aov.camera_depth,
                 AovKind::PrimId => &mut frame.aov.prim_id,
@@ -553,6 +554,6 @@ fn bind_clear(frame: &mut FrameConstants, aov: &AovRequest) {
         // Every pixel has one, and light that is not there is 0.
         AovKind::SampleCount | AovKind::Variance | AovKind::Error | AovKind::Denoised | AovKind::Light(_) => {}
         // Nothing is no id.
-        AovKind::CryptoObject | AovKind::CryptoMaterial => {}
+        AovKind::CryptoObject | AovKind::CryptoMaterial | AovKind::Deep(_) => {}
     }
 }

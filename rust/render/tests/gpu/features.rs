@@ -15,7 +15,7 @@ use oocpt_core::inventory::RenderInventory;
 use oocpt_core::pixel_filter::PixelFilterKind;
 use oocpt_core::scene::TransformSample;
 use oocpt_core::settings::{HostMapped, Settings};
-use oocpt_render::{AovKind, AovRequest, ForcedFeatures, PlantedFaults, Session, SessionOptions};
+use oocpt_render::{AovKind, AovRequest, DeepLimits, ForcedFeatures, PlantedFaults, Session, SessionOptions};
 use rows::{Also, BARE, Names, Row};
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -27,6 +27,7 @@ fn image_of(also: Also) -> AovKind {
         Also::Depth => AovKind::Depth,
         Also::Albedo | Also::Filtered | Also::StreamedFiltered => AovKind::Albedo,
         Also::Ids => AovKind::CryptoObject,
+        Also::Deep => AovKind::Deep(DeepLimits::default()),
         Also::Errors => AovKind::Error,
         Also::Counts => AovKind::SampleCount,
         Also::Motion => AovKind::Motion,

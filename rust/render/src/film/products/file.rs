@@ -2,6 +2,7 @@
 //! Writes a product's file from the images of a finished picture.
 
 use super::cryptomatte::{self, CryptomatteLayer};
+use super::deep::DeepImage;
 use super::plan::is_input;
 use crate::film::picture::{PictureAttribute, PictureAttributes, layer_attributes};
 use crate::job::aov::AovKind;
@@ -10,7 +11,10 @@ use crate::job::publish::PublishedImages;
 use crate::job::request::RenderRequest;
 use exr::compression::Compression;
 use exr::meta::attribute::{AttributeValue, Chromaticities, IntegerBounds, Text};
-use exr::prelude::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, Vec2, WritableImage as _, f16};
+use exr::prelude::{
+    AnyChannel, AnyChannels, Encoding, FlatSamples, Image, ImageAttributes, Layer, LayerAttributes, Vec2,
+    WritableImage as _, f16,
+};
 use glam::{DMat4, DVec4};
 use oocpt_abi::IdSlot;
 use oocpt_core::camera::Camera;
@@ -57,6 +61,20 @@ pub(crate) fn write(
     if !may_be_replaced(&file.path) {
         return Err(ProductError::Foreign(name()));
     }
+    let file_error = |error: std::io::Error| ProductError::File(name(), error.to_string());
+    if let Some(folder) = file.path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
+        std::fs::create_dir_all(folder).map_err(file_error)?;
+    }
+    if let Some(limits) = file.deep {
+        let limits = request.deep().unwrap_or(limits);
+        let missing = || ProductError::Image(AovKind::Deep(limits));
+        let rows = rows(request, images, AovKind::Deep(limits)).ok_or_else(missing)?;
+        let compression = compression(file.compression);
+        let image = DeepImage::new((file, compression), limits, rows, names).ok_or_else(missing)?;
+        let (layer, shared) = header_of(file, request, (attributes, &image.named.attributes));
+        oocpt_files::replace_by(&file.path, |out| image.write(out, layer, shared)).map_err(file_error)?;
+        return Ok(image.warning().into_iter().collect());
+    }
     let window = request.part();
     let mattes = mattes(file, request, images, names)?;
     let channels = file.channels.iter().map(|channel| {
@@ -72,8 +90,29 @@ pub(crate) fn write(
         Ok(AnyChannel::new(Text::from(channel.name.as_str()), samples(&rows, channel, row)))
     });
     let channels = AnyChannels::sort(channels.collect::<Result<_, ProductError>>()?);
+    let of_mattes: Vec<_> = mattes.values().flat_map(|matte| matte.attributes.clone()).collect();
+    let (layer, shared) = header_of(file, request, (attributes, &of_mattes));
+    let encoding = Encoding { compression: compression(file.compression), ..Encoding::FAST_LOSSLESS };
+    let mut image =
+        Image::from_layer(Layer::new(Vec2(window.width as usize, window.height as usize), layer, encoding, channels));
+    image.attributes = shared;
+    let written = oocpt_files::replace_by(&file.path, |out| {
+        let done = image.write().to_buffered(BufWriter::new(out));
+        done.map_err(|error| std::io::Error::other(error.to_string()))
+    });
+    written.map_err(file_error)?;
+    let short = mattes.iter().filter(|(_, matte)| matte.unnamed > 0);
+    Ok(short.map(|(layer, matte)| format!("{layer}: {} names are not in the manifest", matte.unnamed)).collect())
+}
+
+/// What the header of a file says beside its channels, with the attributes of OocPT and those of manifests.
+fn header_of(
+    file: &ProductFile,
+    request: &RenderRequest,
+    (attributes, manifests): (&PictureAttributes, &[(String, String)]),
+) -> (LayerAttributes, ImageAttributes) {
     let mut layer = layer_attributes(attributes);
-    for (name, value) in mattes.values().flat_map(|matte| &matte.attributes) {
+    for (name, value) in manifests {
         layer.other.insert(Text::from(name.as_str()), AttributeValue::Text(Text::from(value.as_str())));
     }
     if let Some(space) = file.space {
@@ -83,24 +122,11 @@ pub(crate) fn write(
     let [world_to_camera, world_to_ndc] = matrices(&request.camera, file);
     (layer.world_to_camera, layer.world_to_normalized_device) = (Some(world_to_camera), Some(world_to_ndc));
     layer.layer_position = Vec2(file.data_corner[0], file.data_corner[1]);
-    let encoding = Encoding { compression: compression(file.compression), ..Encoding::FAST_LOSSLESS };
-    let mut image =
-        Image::from_layer(Layer::new(Vec2(window.width as usize, window.height as usize), layer, encoding, channels));
     let [columns, rows] = file.display_size.map(|side| side as usize);
-    image.attributes.display_window = IntegerBounds::new(Vec2(0, 0), Vec2(columns, rows));
-    image.attributes.pixel_aspect = file.pixel_aspect;
-    image.attributes.chromaticities = file.space.map(chromaticities);
-    let file_error = |error: std::io::Error| ProductError::File(name(), error.to_string());
-    if let Some(folder) = file.path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
-        std::fs::create_dir_all(folder).map_err(file_error)?;
-    }
-    let written = oocpt_files::replace_by(&file.path, |out| {
-        let done = image.write().to_buffered(BufWriter::new(out));
-        done.map_err(|error| std::io::Error::other(error.to_string()))
-    });
-    written.map_err(file_error)?;
-    let short = mattes.iter().filter(|(_, matte)| matte.unnamed > 0);
-    Ok(short.map(|(layer, matte)| format!("{layer}: {} names are not in the manifest", matte.unnamed)).collect())
+    let mut shared = ImageAttributes::new(IntegerBounds::new(Vec2(0, 0), Vec2(columns, rows)));
+    shared.pixel_aspect = file.pixel_aspect;
+    shared.chromaticities = file.space.map(chromaticities);
+    (layer, shared)
 }
 
 /// The attributes `worldToCamera` and `worldToNDC` as `OpenEXR` defines them, for points as row vectors: view space

@@ -43,6 +43,7 @@ pub(crate) enum Also {
     Filtered,
     StreamedFiltered,
     Ids,
+    Deep,
     Parts,
     StreamedParts,
     Errors,
