@@ -9,7 +9,8 @@ mod cryptomatte;
 mod file;
 mod frame_name;
 mod plan;
+mod sources;
 
-pub use channels::unknown_aov;
 pub(crate) use file::write;
 pub(crate) use plan::{ProductPlan, add_kinds, plan};
+pub use sources::unknown_aov;
