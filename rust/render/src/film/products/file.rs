@@ -5,11 +5,13 @@ use super::cryptomatte::{self, CryptomatteLayer};
 use super::plan::is_input;
 use crate::film::picture::{PictureAttribute, PictureAttributes, layer_attributes};
 use crate::job::aov::AovKind;
-use crate::job::product::{FileChannel, FileCompression, ProductFile, SampleFormat};
+use crate::job::product::{FileChannel, FileCompression, HeaderValue, ProductFile, SampleFormat};
 use crate::job::publish::PublishedImages;
 use crate::job::request::RenderRequest;
 use exr::compression::Compression;
 use exr::meta::attribute::{AttributeValue, Chromaticities, IntegerBounds, Text};
+use exr::image::{Blocks, Layers};
+use exr::meta::header::{ImageAttributes, LayerAttributes};
 use exr::prelude::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, Vec2, WritableImage as _, f16};
 use glam::{DMat4, DVec4};
 use oocpt_abi::IdSlot;
@@ -57,39 +59,8 @@ pub(crate) fn write(
     if !may_be_replaced(&file.path) {
         return Err(ProductError::Foreign(name()));
     }
-    let window = request.part();
     let mattes = mattes(file, request, images, names)?;
-    let channels = file.channels.iter().map(|channel| {
-        if let Some(matte) = channel.cryptomatte.as_ref().and_then(|(_, layer)| mattes.get(layer)) {
-            let component = matte.pixels.iter().skip(channel.component).step_by(cryptomatte::CHANNELS);
-            let samples = FlatSamples::F32(component.copied().collect());
-            return Ok(AnyChannel::new(Text::from(channel.name.as_str()), samples));
-        }
-        let rows = rows(request, images, channel.kind).ok_or(ProductError::Image(channel.kind))?;
-        let is_color = matches!(channel.kind, AovKind::Color | AovKind::Denoised | AovKind::Albedo);
-        let space = file.space.filter(|_| is_color);
-        let row = space.and_then(|space| space.from_rec709().get(channel.component).copied());
-        Ok(AnyChannel::new(Text::from(channel.name.as_str()), samples(&rows, channel, row)))
-    });
-    let channels = AnyChannels::sort(channels.collect::<Result<_, ProductError>>()?);
-    let mut layer = layer_attributes(attributes);
-    for (name, value) in mattes.values().flat_map(|matte| &matte.attributes) {
-        layer.other.insert(Text::from(name.as_str()), AttributeValue::Text(Text::from(value.as_str())));
-    }
-    if let Some(space) = file.space {
-        let named = ("renderingColorSpace".to_owned(), PictureAttribute::Text(space.name().to_owned()));
-        layer.other.extend(layer_attributes(&PictureAttributes::from([named])).other);
-    }
-    let [world_to_camera, world_to_ndc] = matrices(&request.camera, file);
-    (layer.world_to_camera, layer.world_to_normalized_device) = (Some(world_to_camera), Some(world_to_ndc));
-    layer.layer_position = Vec2(file.data_corner[0], file.data_corner[1]);
-    let encoding = Encoding { compression: compression(file.compression), ..Encoding::FAST_LOSSLESS };
-    let mut image =
-        Image::from_layer(Layer::new(Vec2(window.width as usize, window.height as usize), layer, encoding, channels));
-    let [columns, rows] = file.display_size.map(|side| side as usize);
-    image.attributes.display_window = IntegerBounds::new(Vec2(0, 0), Vec2(columns, rows));
-    image.attributes.pixel_aspect = file.pixel_aspect;
-    image.attributes.chromaticities = file.space.map(chromaticities);
+    let image = image(file, request, images, (attributes, &mattes))?;
     let file_error = |error: std::io::Error| ProductError::File(name(), error.to_string());
     if let Some(folder) = file.path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
         std::fs::create_dir_all(folder).map_err(file_error)?;
@@ -101,6 +72,85 @@ pub(crate) fn write(
     written.map_err(file_error)?;
     let short = mattes.iter().filter(|(_, matte)| matte.unnamed > 0);
     Ok(short.map(|(layer, matte)| format!("{layer}: {} names are not in the manifest", matte.unnamed)).collect())
+}
+
+/// The picture as it is written: one layer, or one for each part.
+fn image(
+    file: &ProductFile,
+    request: &RenderRequest,
+    images: &PublishedImages,
+    (attributes, mattes): (&PictureAttributes, &BTreeMap<String, CryptomatteLayer>),
+) -> Result<Image<Layers<AnyChannels<FlatSamples>>>, ProductError> {
+    let mut parts: Vec<(&str, Vec<&FileChannel>)> = Vec::new();
+    for channel in &file.channels {
+        let name = if file.storage.has_parts { channel.part() } else { "" };
+        match parts.iter_mut().find(|(have, _)| *have == name) {
+            Some((_, channels)) => channels.push(channel),
+            None => parts.push((name, vec![channel])),
+        }
+    }
+    let blocks = file.storage.tiles.map_or(Blocks::ScanLines, |side| Blocks::Tiles(Vec2(side as usize, side as usize)));
+    let encoding = Encoding { compression: compression(file.compression), blocks, ..Encoding::FAST_LOSSLESS };
+    let size = Vec2(request.part().width as usize, request.part().height as usize);
+    let layers = parts.into_iter().map(|(name, channels)| {
+        let mut layer = header(file, request, attributes);
+        layer.layer_name = (!name.is_empty()).then(|| Text::from(name));
+        let is_here = |matte: &str| channels.iter().any(|c| c.cryptomatte.as_ref().is_some_and(|(_, l)| l == matte));
+        for (name, value) in mattes.iter().filter(|(matte, _)| is_here(matte)).flat_map(|(_, m)| &m.attributes) {
+            layer.other.insert(Text::from(name.as_str()), AttributeValue::Text(Text::from(value.as_str())));
+        }
+        let channels = channels.into_iter().map(|channel| written_channel(file, channel, request, images, mattes));
+        let channels = AnyChannels::sort(channels.collect::<Result<_, ProductError>>()?);
+        Ok(Layer::new(size, layer, encoding, channels))
+    });
+    let [columns, rows] = file.display_size.map(|side| side as usize);
+    let attributes = ImageAttributes {
+        pixel_aspect: file.pixel_aspect,
+        chromaticities: file.space.map(chromaticities),
+        ..ImageAttributes::new(IntegerBounds::new(Vec2(0, 0), Vec2(columns, rows)))
+    };
+    Ok(Image::from_layers(attributes, layers.collect::<Result<Vec<_>, ProductError>>()?))
+}
+
+/// The attributes of a layer, but for those of Cryptomatte.
+fn header(file: &ProductFile, request: &RenderRequest, attributes: &PictureAttributes) -> LayerAttributes {
+    let mut layer = layer_attributes(attributes);
+    if let Some(space) = file.space {
+        let named = ("renderingColorSpace".to_owned(), PictureAttribute::Text(space.name().to_owned()));
+        layer.other.extend(layer_attributes(&PictureAttributes::from([named])).other);
+    }
+    for (name, value) in &file.header {
+        let value = match value {
+            HeaderValue::Text(text) => AttributeValue::Text(Text::from(text.as_str())),
+            HeaderValue::Whole(number) => AttributeValue::I32(*number),
+            HeaderValue::Real(number) => AttributeValue::F64(*number),
+        };
+        layer.other.insert(Text::from(name.as_str()), value);
+    }
+    let [world_to_camera, world_to_ndc] = matrices(&request.camera, file);
+    (layer.world_to_camera, layer.world_to_normalized_device) = (Some(world_to_camera), Some(world_to_ndc));
+    layer.layer_position = Vec2(file.data_corner[0], file.data_corner[1]);
+    layer
+}
+
+/// A channel with its numbers.
+fn written_channel(
+    file: &ProductFile,
+    channel: &FileChannel,
+    request: &RenderRequest,
+    images: &PublishedImages,
+    mattes: &BTreeMap<String, CryptomatteLayer>,
+) -> Result<AnyChannel<FlatSamples>, ProductError> {
+    if let Some(matte) = channel.cryptomatte.as_ref().and_then(|(_, layer)| mattes.get(layer)) {
+        let component = matte.pixels.iter().skip(channel.component).step_by(cryptomatte::CHANNELS);
+        let samples = FlatSamples::F32(component.copied().collect());
+        return Ok(AnyChannel::new(Text::from(channel.name.as_str()), samples));
+    }
+    let rows = rows(request, images, channel.kind).ok_or(ProductError::Image(channel.kind))?;
+    let is_color = matches!(channel.kind, AovKind::Color | AovKind::Denoised | AovKind::Albedo | AovKind::Light(_));
+    let space = file.space.filter(|_| is_color);
+    let row = space.and_then(|space| space.from_rec709().get(channel.component).copied());
+    Ok(AnyChannel::new(Text::from(channel.name.as_str()), samples(&rows, channel, row)))
 }
 
 /// The attributes `worldToCamera` and `worldToNDC` as `OpenEXR` defines them, for points as row vectors: view space

@@ -8,6 +8,7 @@ mod channels;
 mod cryptomatte;
 mod file;
 mod frame_name;
+mod header;
 mod plan;
 mod sources;
 

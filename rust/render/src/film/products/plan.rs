@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Decides which files are written of which pictures, and says what of the products is left out and why. Pure.
 
-use super::{channels, frame_name};
+use super::{channels, frame_name, header};
 use crate::job::aov::AovRequest;
 use crate::job::expression::{ExpressionId, fit_together};
 use crate::job::product::{FileChannel, FileCompression, ProductFile, ProductPicture, ProductVar, RenderProduct};
@@ -79,7 +79,8 @@ fn file_of(
     (taken, parts): (&[PathBuf], &mut PlannedParts),
     warnings: &mut Vec<String>,
 ) -> Result<ProductFile, String> {
-    if !matches!(&*product.kind, "" | "raster") {
+    // Arnold's users also write the name of the renderer.
+    if !matches!(&*product.kind, "" | "raster" | "arnold") {
         return Err(format!("its productType {} is not supported", product.kind));
     }
     let path = path_of(product)?;
@@ -103,6 +104,8 @@ fn file_of(
         path,
         channels,
         compression,
+        storage: header::storage(product, warnings),
+        header: header::attributes(product, warnings),
         space: space_of(product, warnings),
         pixel_aspect: product.pixel_aspect,
         display_size: product.display_size,
@@ -171,7 +174,12 @@ fn channels_of(
 }
 
 /// Settings that name the compression, by those who write scenes: OocPT's, Karma's, Arnold's.
-const COMPRESSION: [&str; 3] = ["oocpt:compression", "driver:parameters:OpenEXR:compression", "arnold:compression"];
+const COMPRESSION: [&str; 4] = [
+    "oocpt:compression",
+    "driver:parameters:OpenEXR:compression",
+    "arnold:compression",
+    "arnold:driver_exr:compression",
+];
 
 fn compression_of(product: &RenderProduct, warnings: &mut Vec<String>) -> FileCompression {
     let Some(name) = channels::setting(&product.settings, &COMPRESSION) else { return FileCompression::Zip };
@@ -229,6 +237,7 @@ pub(super) fn is_input(path: &Path, inputs: &[&str]) -> bool {
 mod tests {
     use super::*;
     use crate::job::aov::AovKind;
+    use crate::job::product::HeaderValue;
     use glam::DMat4;
     use oocpt_core::camera::Camera;
 
@@ -352,6 +361,15 @@ mod tests {
             ".exr",
             "..",
             "\u{0}",
+            "true",
+            "tiled",
+            "64",
+            "-1",
+            "channels",
+            "crypto_object01",
+            "RGBA_key",
+            "diffuse_direct_'x'",
+            "st",
         ];
         let mut text = || texts[next(random, texts.len())].to_owned();
         let vars = [(); 3].map(|()| ProductVar {
@@ -361,7 +379,12 @@ mod tests {
             source_type: text(),
             settings: vec![("driver:parameters:aov:name".into(), text())],
         });
-        let settings = vec![(COMPRESSION[0].into(), text())];
+        let mut settings = vec![(COMPRESSION[0].into(), text())];
+        for key in ["oocpt:tiled", "oocpt:tileSize", "oocpt:multipart", "driver:parameters:OpenEXR:storage"] {
+            settings.push((key.to_owned(), text()));
+        }
+        settings.push((format!("driver:parameters:OpenEXR:{}", text()), text()));
+        let numbers = settings.iter().map(|(key, _)| (key.clone(), HeaderValue::Real(f64::NAN))).collect();
         let (prim, kind, name, color_space) = (text(), text(), text(), text());
         let sides = [0, 1, 7, 65_536, u32::MAX];
         RenderProduct {
@@ -370,6 +393,7 @@ mod tests {
             name,
             vars: vars[..next(random, 4)].to_vec(),
             settings,
+            numbers,
             color_space,
             pixel_aspect: [1.0, 2.5, -1.0, f32::NAN, 1e-3][next(random, 5)],
             display_size: [sides[next(random, 5)], sides[next(random, 5)]],
@@ -394,6 +418,8 @@ mod tests {
                 let extension = file.path.extension().expect("one");
                 assert!(extension.eq_ignore_ascii_case("exr") && !file.channels.is_empty(), "{product:?}");
                 let mut names: Vec<&str> = file.channels.iter().map(|channel| channel.name.as_str()).collect();
+                assert!(file.storage.tiles.is_none_or(|side| (8..=4096).contains(&side)), "{product:?}");
+                assert!(file.header.iter().all(|(name, _)| name.len() <= 96 && name != "channels"), "{product:?}");
                 names.sort_unstable();
                 assert!(names.windows(2).all(|pair| pair[0] != pair[1]) && !names[0].is_empty(), "{names:?}");
             }
