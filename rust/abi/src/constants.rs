@@ -76,6 +76,7 @@ constants! {
     ID_SLOT_BYTES;
     ID_SLOTS;
     ID_RANKS;
+    MAX_SHOWN_PRIMVARS;
     ERROR_SUMS_BYTES;
     ERROR_GROUPS;
     EXACT_SUM_BIAS;

@@ -56,6 +56,7 @@ pub(super) fn of_var(var: &ProductVar, before: &[FileChannel]) -> Result<Vec<Fil
     let count = if row.parts == "RGBA" && components < 4 { 3 } else { row.parts.len() };
     let is_free = |name: &str| before.iter().all(|channel| channel.name != name);
     let is_root = match row.parts {
+        _ if row.kind.primvar().is_some() => false,
         "RGBA" => ["R", "G", "B"].into_iter().all(is_free) && (count == 3 || is_free("A")),
         "A" => is_free("A"),
         "Z" => row.kind == AovKind::CameraDepth && is_free("Z"),

@@ -9,7 +9,7 @@ use crate::job::product::{FileChannel, FileCompression, HeaderValue, ProductFile
 use crate::job::publish::PublishedImages;
 use crate::job::request::RenderRequest;
 use exr::compression::Compression;
-use exr::meta::attribute::{AttributeValue, Chromaticities, IntegerBounds, Text};
+use exr::meta::attribute::{AttributeValue, Chromaticities, IntegerBounds, LineOrder, Text};
 use exr::image::{Blocks, Layers};
 use exr::meta::header::{ImageAttributes, LayerAttributes};
 use exr::prelude::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, Vec2, WritableImage as _, f16};
@@ -90,7 +90,8 @@ fn image(
         }
     }
     let blocks = file.storage.tiles.map_or(Blocks::ScanLines, |side| Blocks::Tiles(Vec2(side as usize, side as usize)));
-    let encoding = Encoding { compression: compression(file.compression), blocks, ..Encoding::FAST_LOSSLESS };
+    let line_order = if file.storage.tiles.is_some() { LineOrder::Unspecified } else { LineOrder::Increasing };
+    let encoding = Encoding { compression: compression(file.compression), blocks, line_order };
     let size = Vec2(request.part().width as usize, request.part().height as usize);
     let layers = parts.into_iter().map(|(name, channels)| {
         let mut layer = header(file, request, attributes);

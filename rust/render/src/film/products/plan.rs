@@ -2,10 +2,11 @@
 //! Decides which files are written of which pictures, and says what of the products is left out and why. Pure.
 
 use super::{channels, frame_name, header};
-use crate::job::aov::AovRequest;
+use crate::job::aov::{AovKind, AovRequest};
 use crate::job::expression::{ExpressionId, fit_together};
 use crate::job::product::{FileChannel, FileCompression, ProductFile, ProductPicture, ProductVar, RenderProduct};
 use crate::job::request::RenderRequest;
+use oocpt_abi::MAX_SHOWN_PRIMVARS;
 use oocpt_core::file_space::FileSpace;
 use std::path::{Path, PathBuf};
 
@@ -130,17 +131,25 @@ fn path_of(product: &RenderProduct) -> Result<PathBuf, String> {
     if is_exr { Ok(path) } else { Err(format!("{} is no EXR file by its name", path.display())) }
 }
 
-/// The light path expressions of all products so far: one automaton has them all, whichever picture they are of.
+/// The light path expressions and primvars of all products so far, whichever picture they are of: one automaton has
+/// all expressions, and there are few primvars.
 #[derive(Debug, Default)]
-struct PlannedParts(Vec<ExpressionId>);
+struct PlannedParts(Vec<ExpressionId>, Vec<AovKind>);
 
 impl PlannedParts {
-    /// These channels, if their expression has room.
+    /// These channels, if their expression or primvar has room.
     fn take(&mut self, channels: Vec<FileChannel>) -> Result<Vec<FileChannel>, String> {
         let new = channels.first().and_then(|channel| channel.kind.expression()).filter(|id| !self.0.contains(id));
         if let Some(new) = new {
             self.0.push(new);
             fit_together(&self.0).inspect_err(|_| self.0.truncate(self.0.len() - 1))?;
+        }
+        let primvar = channels.first().map(|channel| channel.kind).filter(|kind| kind.primvar().is_some());
+        if let Some(new) = primvar.filter(|kind| !self.1.contains(kind)) {
+            if self.1.len() >= MAX_SHOWN_PRIMVARS as usize {
+                return Err(format!("a render shows {MAX_SHOWN_PRIMVARS} primvars at most"));
+            }
+            self.1.push(new);
         }
         Ok(channels)
     }
@@ -236,7 +245,6 @@ pub(super) fn is_input(path: &Path, inputs: &[&str]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::job::aov::AovKind;
     use crate::job::product::HeaderValue;
     use glam::DMat4;
     use oocpt_core::camera::Camera;
@@ -283,6 +291,17 @@ mod tests {
         assert_eq!(plan.before.iter().map(|before| before.files.len()).collect::<Vec<_>>(), [2, 1]);
         assert_eq!(plan.before[0].request.kinds(), [AovKind::Color, AovKind::Albedo], "the images of both");
         assert_eq!(plan.of_host.len(), 1);
+    }
+
+    #[test]
+    fn a_few_primvars_are_shown() {
+        let primvar = |name: &str| ProductVar { source_type: "primvar".into(), ..var(name) };
+        let names = ["a", "b", "a", "c", "d", "e", "f"];
+        let vars = names.iter().enumerate().map(|(at, n)| ProductVar { prim: format!("/v/{at}"), ..primvar(n) });
+        let plan = plan(&[RenderProduct { vars: vars.collect(), ..product("/p", "a.exr") }]);
+        assert_eq!(plan.of_host[0].channels.len(), 15, "one twice");
+        let said = plan.warnings.iter().filter(|line| line.contains("4 primvars at most"));
+        assert!(said.count() == 2 && plan.warnings.len() == 2, "{:?}", plan.warnings);
     }
 
     #[test]

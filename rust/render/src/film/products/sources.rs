@@ -3,6 +3,7 @@
 
 use crate::job::aov::AovKind;
 use crate::job::expression::ExpressionId;
+use crate::job::primvar::PrimvarImage;
 use crate::job::product::{CryptomatteKind, ProductVar};
 
 /// A source and the names that it goes by.
@@ -21,7 +22,7 @@ const fn row(kind: AovKind, parts: &'static str, first: usize, names: &'static [
 }
 
 /// Names of raw and intrinsic sources; compared without regard to case where none is alike in its case.
-const ROWS: [SourceRow; 18] = [
+const ROWS: [SourceRow; 20] = [
     row(AovKind::Color, "RGBA", 0, &["color", "Ci", "C", "rgba", "rgb", "beauty", "combined"]),
     row(AovKind::Color, "A", 3, &["a", "alpha", "opacity"]),
     row(AovKind::CameraDepth, "Z", 0, &["z", "cameraDepth", "linearDepth", "hitPz", "ray:hitPz"]),
@@ -30,6 +31,8 @@ const ROWS: [SourceRow; 18] = [
     row(AovKind::Neye, "XYZ", 0, &["Neye"]),
     row(AovKind::Albedo, "RGB", 0, &["albedo", "diffuse_albedo"]),
     row(AovKind::Motion, "XYZ", 0, &["motion", "motionvector"]),
+    row(AovKind::MotionBoth, "XY", 0, &["motionBack"]),
+    row(AovKind::MotionBoth, "XY", 2, &["motionFore"]),
     row(AovKind::PrimId, "I", 0, &["primId", "id"]),
     row(AovKind::InstanceId, "I", 0, &["instanceId"]),
     row(AovKind::ElementId, "I", 0, &["elementId"]),
@@ -86,6 +89,31 @@ fn of_expression(path: &str) -> Result<SourceRow, String> {
     Ok(if ALL_LIGHT.contains(&&*expression.text()) { ROWS[0] } else { part })
 }
 
+/// The primvar that a name of a raw source stands for: texture coordinates, the rest position, and Hydra's names.
+fn primvar_name(name: &str) -> Option<&str> {
+    match name {
+        "st" | "uv" | "UV" => Some("st"),
+        "Pref" => Some(name),
+        _ => name.strip_prefix("primvars:"),
+    }
+}
+
+/// As many components of a primvar as the type of the var has. Whole numbers are not filtered.
+fn of_primvar(name: &str, data_type: &str) -> Result<SourceRow, String> {
+    let base = data_type.trim();
+    if matches!(base, "string" | "token" | "asset" | "bool") || base.starts_with("matrix") {
+        return Err(format!("the primvar {name}: values of the type {base} cannot be shown"));
+    }
+    let components = match base {
+        "" => 4,
+        _ => base.chars().find_map(|c| c.to_digit(10)).map_or(1, |count| count.clamp(1, 4) as usize),
+    };
+    let is_color = base.is_empty() || base.starts_with("color");
+    let parts = if is_color { "RGBA" } else { "XYZW" };
+    let image = PrimvarImage::of(name, base.starts_with("int") || base.starts_with("uint"))?;
+    Ok(row(AovKind::Primvar(image), &parts[..components], 0, &[]))
+}
+
 /// The source of a var, or why there is none.
 pub(super) fn source(var: &ProductVar) -> Result<SourceRow, String> {
     let name = var.source_name.trim();
@@ -98,9 +126,10 @@ pub(super) fn source(var: &ProductVar) -> Result<SourceRow, String> {
             let alike = |same: fn(&str, &str) -> bool| ROWS.iter().find(|row| row.names.iter().any(|n| same(n, name)));
             let found = alike(|a, b| a == b).or_else(|| alike(str::eq_ignore_ascii_case)).copied().map(Ok);
             let found = found.or_else(|| named_part(name).map(|path| of_expression(&path)));
+            let found = found.or_else(|| primvar_name(name).map(|name| of_primvar(name, &var.data_type)));
             found.unwrap_or_else(|| Err(format!("there is no source {name}; did you mean {}?", nearest(name))))
         }
-        ("primvar", name) => Err(format!("the primvar {name}: sources of the type primvar are not supported")),
+        ("primvar", name) => of_primvar(name, &var.data_type),
         (kind, _) => Err(format!("there is no sourceType {kind}; there are raw, intrinsic, lpe and primvar")),
     }
 }
@@ -175,7 +204,7 @@ mod tests {
         assert_eq!([kind("C<RD> L", "lpe"), kind("color lpe:C<RD>L", "raw")], [Ok(part), Ok(part)], "not all light");
         assert!(kind("C<RD", "lpe").is_err_and(|text| text.contains("C<RD: character 5")), "no expression");
         assert!(kind("unoccluded;C<RD>L", "lpe").is_err_and(|text| text.contains("unoccluded")), "an option");
-        assert!(kind("st", "primvar").is_err() && kind("color", "sparkle").is_err());
+        assert!(kind("color", "sparkle").is_err());
     }
 
     #[test]
@@ -200,6 +229,27 @@ mod tests {
         for name in ["specular_albedo", "RGBA_", "RGBA_a'b", "custom_key", "coat"] {
             assert!(kind(name, "raw").is_err(), "{name}");
         }
+    }
+
+    #[test]
+    fn a_primvar_has_the_components_of_the_type() {
+        let of = |name: &str, kind: &str, data_type: &str| {
+            let var = ProductVar { data_type: data_type.into(), ..var(name, kind) };
+            source(&var).map(|row| (row.kind.name(), row.parts, row.kind.is_filterable()))
+        };
+        for (data_type, parts, is_mean) in [
+            ("float", "X", true),
+            ("texCoord2f", "XY", true),
+            ("color3h", "RGB", true),
+            ("float4", "XYZW", true),
+            ("int", "X", false),
+            ("float99", "XYZW", true),
+        ] {
+            assert_eq!(of("dust", "primvar", data_type), Ok(("primvars:dust".into(), parts, is_mean)), "{data_type}");
+        }
+        assert_eq!(of("UV", "raw", "float2"), Ok(("primvars:st".into(), "XY", true)));
+        assert_eq!(of("primvars:dust", "raw", "int"), Ok(("primvars:dust".into(), "X", false)));
+        assert!(of("name", "primvar", "string").is_err() && of("", "primvar", "float").is_err());
     }
 
     #[test]
