@@ -22,7 +22,7 @@ const fn row(kind: AovKind, parts: &'static str, first: usize, names: &'static [
 }
 
 /// Names of raw and intrinsic sources; compared without regard to case where none is alike in its case.
-const ROWS: [SourceRow; 20] = [
+const ROWS: [SourceRow; 21] = [
     row(AovKind::Color, "RGBA", 0, &["color", "Ci", "C", "rgba", "rgb", "beauty", "combined"]),
     row(AovKind::Color, "A", 3, &["a", "alpha", "opacity"]),
     row(AovKind::CameraDepth, "Z", 0, &["z", "cameraDepth", "linearDepth", "hitPz", "ray:hitPz"]),
@@ -31,6 +31,7 @@ const ROWS: [SourceRow; 20] = [
     row(AovKind::Neye, "XYZ", 0, &["Neye"]),
     row(AovKind::Albedo, "RGB", 0, &["albedo", "diffuse_albedo"]),
     row(AovKind::Motion, "XYZ", 0, &["motion", "motionvector"]),
+    row(AovKind::MotionBoth, "XYZW", 0, &["motionBoth"]),
     row(AovKind::MotionBoth, "XY", 0, &["motionBack"]),
     row(AovKind::MotionBoth, "XY", 2, &["motionFore"]),
     row(AovKind::PrimId, "I", 0, &["primId", "id"]),
