@@ -2,9 +2,9 @@
 // Writes what images have of what camera rays met: one thread per ray of a queue. arg0 = AOV_SURFACES: surface_queue,
 // WavefrontCounters::surface_args; arg0 = AOV_ESCAPED: escaped_queue, WavefrontCounters::escaped_args. Reads: the
 // queue, hits, the scene; with streaming, surfaces in place of the last two. Rays of generate_aov_rays (PUSH_AOVS):
-// writes the planes of FrameConstants::aov and primvar_images that are not 0 and not filtered; surfaces of opacity 0 are not seen, all
-// others are. Samples: writes FrameConstants::plane_values of those at bounce 0. With streaming: ends rays that go no
-// farther, and writes their segments.
+// writes the planes of FrameConstants::aov and primvar_images that are not 0 and not filtered; surfaces of opacity 0
+// are not seen, all others are. Samples: writes FrameConstants::plane_values of those at bounce 0. With streaming: ends
+// rays that go no farther, and writes their segments.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "wavefront/wavefront.glsl"

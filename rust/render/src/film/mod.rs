@@ -26,8 +26,7 @@ use crate::sync::lock;
 use crate::wave::{ERROR_SLOTS, LAST_SLOT, Wave, WavePiece, pieces};
 use oocpt_abi::{
     ERROR_GROUPS, ERROR_SUMS_BYTES, ErrorSums, ExactPixel, FilmPixel, FrameConstants, NO_INDEX, PlaneOffsets,
-    PushConstants,
-    WORKGROUP_SIZE, WavefrontCounters,
+    PushConstants, WORKGROUP_SIZE, WavefrontCounters,
 };
 use oocpt_core::adaptive::STREAMS;
 use oocpt_core::inventory::RenderInventory;
@@ -572,7 +571,11 @@ fn bind_clear(frame: &mut FrameConstants, aov: &AovRequest) {
         // What is not there does not move.
         AovKind::MotionBoth => {}
         // Every pixel has one, and light that is not there is 0.
-        AovKind::SampleCount | AovKind::Variance | AovKind::Error | AovKind::Denoised | AovKind::Primvar(_)
+        AovKind::SampleCount
+        | AovKind::Variance
+        | AovKind::Error
+        | AovKind::Denoised
+        | AovKind::Primvar(_)
         | AovKind::Light(_) => {}
         // Nothing is no id.
         AovKind::CryptoObject | AovKind::CryptoMaterial => {}

@@ -15,8 +15,8 @@ macro_rules! aov_kinds {
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
         pub enum AovKind {
             $($(#[doc = $doc])+ $name,)+
-            /// A primvar of what is seen: missing components are 0 and the fourth 1, those of a single number alike; all
-            /// 0 where nothing has it; f32.
+            /// A primvar of what is seen: missing components are 0 and the fourth 1, those of a single number alike;
+            /// all 0 where nothing has it; f32.
             Primvar(PrimvarImage),
             /// The part of `Color` that a light path expression is of, without alpha; f32.
             Light(ExpressionId),
@@ -71,8 +71,8 @@ aov_kinds! {
     /// The distance that a visible point moves over the image from the shutter's opening to its closing: pixels to the
     /// right, pixels up, and the change of `CameraDepth`; f32.
     Motion: "motion", 3;
-    /// The same distance in two parts: pixels to the right and up from the shutter's opening to the pixel's centre, which
-    /// the point is at in the middle of the shutter, and from there to its closing; f32.
+    /// The same distance in two parts: pixels to the right and up from the shutter's opening to the pixel's centre,
+    /// which the point is at in the middle of the shutter, and from there to its closing; f32.
     MotionBoth: "motionBoth", 4;
     /// Samples of the pixel so far (`sampleCount`, as `RenderMan` names it); f32. Samples are taken for it as for
     /// `Color`.

@@ -83,7 +83,11 @@ impl RenderRequest {
         self.aovs.retain(|aov| {
             if aov.kind.primvar().is_some() && !primvars.contains(&aov.kind) {
                 let fits = primvars.len() < MAX_SHOWN_PRIMVARS as usize;
-                if fits { primvars.push(aov.kind) } else { left.push(aov.kind) }
+                if fits {
+                    primvars.push(aov.kind)
+                } else {
+                    left.push(aov.kind)
+                }
                 return fits;
             }
             let Some(expression) = aov.kind.expression().filter(|expression| !kept.contains(expression)) else {

@@ -194,7 +194,7 @@ impl Session {
         }
         if is_new && !left_out.is_empty() {
             let names: Vec<String> = left_out.into_iter().map(AovKind::name).collect();
-            let text = format!("left out, since too many light path expressions or primvars are asked for: {}", names.join(", "));
+            let text = format!("left out, since too many expressions or primvars are asked for: {}", names.join(", "));
             self.shared.report(Severity::Warning, text);
         }
         self.shared.notify();

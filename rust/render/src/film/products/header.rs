@@ -14,8 +14,7 @@ const TILE_SIDES: std::ops::RangeInclusive<u32> = 8..=4096;
 const DEFAULT_TILE: u32 = 64;
 
 /// Settings that say whether a file has tiles, by those who write scenes: OocPT's, Karma's, Arnold's.
-const TILED: [&str; 4] =
-    ["oocpt:tiled", "driver:parameters:OpenEXR:tiled", "arnold:driver_exr:tiled", "arnold:tiled"];
+const TILED: [&str; 4] = ["oocpt:tiled", "driver:parameters:OpenEXR:tiled", "arnold:driver_exr:tiled", "arnold:tiled"];
 /// The same by a word.
 const STORAGE: [&str; 2] = ["driver:parameters:OpenEXR:storage", "karma:image_mode"];
 const TILE_SIZE: [&str; 2] = ["oocpt:tileSize", "driver:parameters:OpenEXR:tilesize"];
@@ -186,7 +185,9 @@ mod tests {
             (key("owner"), "8".to_owned()),
             (key("notes"), "n".repeat(10_000)),
         ];
-        settings.extend(["channels", "oocpt:samples", "cryptomatte/x/name", "a b", "", &long].map(|n| (key(n), "1".into())));
+        settings.extend(
+            ["channels", "oocpt:samples", "cryptomatte/x/name", "a b", "", &long].map(|n| (key(n), "1".into())),
+        );
         let numbers = ["shot:take", "owner"].map(|name| (key(name), HeaderValue::Whole(7))).to_vec();
         let mut product = RenderProduct { prim: "/p".into(), settings, numbers, ..RenderProduct::default() };
         let mut warnings = Vec::new();

@@ -5,8 +5,8 @@ use super::super::scenes::{bare, nested, placed, turning};
 use super::{Also, BARE, OF_PARTS, Row};
 use crate::materials::{coordinates, with};
 use crate::scenes::{constant, deforming};
-use oocpt_core::scene::{Interpolation, MeshDesc, NamedPrimvar, PrimShape, SceneDb, Subdivision};
 use oocpt_core::TypedArray;
+use oocpt_core::scene::{Interpolation, MeshDesc, NamedPrimvar, PrimShape, SceneDb, Subdivision};
 
 /// A board with a primvar that no material reads.
 pub(super) fn dusty(db: &mut SceneDb) {
