@@ -98,6 +98,11 @@ void store_sample(uint path, AovClear a, bool hit) {
         if (HAS_MATERIALS && hit && surface_material.material != NO_MATERIAL) material = surface_material.material + 1u;
         store_id(values, at.crypto_material, uvec2(material, 0u));
     }
+    if (HAS_DEEP) {
+        const bool is_named = hit && a.prim_id >= 0;
+        store_id(values, FRAME.deep_at, is_named ? uvec2(uint(a.prim_id) + 1u, uint(a.instance_id)) : uvec2(0u));
+        Floats(values + 4u * FRAME.deep_at).v[2] = hit ? a.camera_depth : DEEP_FAR;
+    }
 }
 
 void main() {

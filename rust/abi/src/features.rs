@@ -187,6 +187,8 @@ features! {
     SHADED_AOVS: "images of normals, albedo and primvars", [], Never;
     /// Shares of pixels by object or material are wanted: `FrameConstants::id_slots` is used.
     ID_RANKS: "ids ranked by coverage", [], Never;
+    /// A deep image is wanted: `FrameConstants::deep_slots` is used.
+    DEEP: "deep samples", [], Never;
     /// Pixels have two streams of samples, with different numbers of them: `FrameConstants::adaptive` is used.
     ADAPTIVE: "adaptive sampling: lists of samples, the second stream of the film", [], Never;
     /// Some mesh is made of balls: points.

@@ -212,6 +212,25 @@ shared! {
 }
 
 shared! {
+    /// Samples of a pixel that met one thing at about one depth, 32 B. All zero = nothing.
+    #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+    pub struct DeepSlot {
+        /// Prim id + 1 of the thing; 0 = it has none, or nothing was met.
+        pub id: u32,
+        /// Its instance id.
+        pub instance: u32,
+        /// Number of these samples or, in an image, their share of the pixel.
+        pub weight: f32,
+        /// Mean of their distances along the view axis; [`crate::DEEP_FAR`] where nothing was met.
+        pub depth: f32,
+        /// Sum of their radiance; in an image their part of the pixel, times the exposure.
+        pub color: [f32; 3],
+        /// Sum of their alpha, or their part of it.
+        pub alpha: f32,
+    }
+}
+
+shared! {
     /// The parameters of a frame that all passes share. It is in device memory, and the host writes it before the first
     /// wave. World means: relative to `Snapshot::origin`, the frame of the root assembly.
     #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
@@ -423,6 +442,19 @@ shared! {
         pub light_stride: u32,
         /// Number of expressions.
         pub light_count: u32,
+        /// [`DeepSlot`], `deep_samples` of them for each [`crate::FilmPixel`]; 0 without `Features::DEEP`, as the next.
+        /// Zero before the first wave.
+        pub deep_slots: u64,
+        /// Output of `resolve_deep`: as many per pixel, as those of `aov`.
+        pub deep_image: u64,
+        /// The first of the [`DEEP_WORDS`] words of a sample among the `plane_words`, behind all others.
+        pub deep_at: u32,
+        /// Most deep samples of a pixel.
+        pub deep_samples: u32,
+        /// Samples of one thing are one if their depths differ by less than this part of the smaller one,
+        pub deep_tolerance: f32,
+        /// or by less than this distance.
+        pub deep_distance: f32,
     }
 }
 
@@ -433,6 +465,13 @@ pub const PLANE_SUM_BYTES: u32 = size_of::<PlaneSum>() as u32;
 /// Bytes of an [`IdSlot`].
 #[allow(clippy::cast_possible_truncation, reason = "the size of a struct")]
 pub const ID_SLOT_BYTES: u32 = size_of::<IdSlot>() as u32;
+
+/// Bytes of a [`DeepSlot`].
+#[allow(clippy::cast_possible_truncation, reason = "the size of a struct")]
+pub const DEEP_SLOT_BYTES: u32 = size_of::<DeepSlot>() as u32;
+
+/// Words of a sample for a deep image: prim id + 1, instance id, and the distance along the view axis as a float.
+pub const DEEP_WORDS: u32 = 3;
 
 /// Ids of a pixel that are kept while it is sampled; beyond these the one of the least weight gives way.
 pub const ID_SLOTS: u32 = 16;

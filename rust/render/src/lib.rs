@@ -38,6 +38,7 @@ pub use host_memory::peak as host_peak_bytes;
 pub use job::SessionOptions;
 pub use job::aov::{AovKind, AovRequest};
 pub use job::commits::CommitProgress;
+pub use job::deep::DeepLimits;
 pub use job::edits::SceneEdit;
 pub use job::expression::ExpressionId;
 #[cfg(feature = "faults")]

@@ -365,8 +365,7 @@ impl Film {
                 }
             }
         }
-        let is_named = |kind: &AovKind| kind.expression().is_some() || kind.primvar().is_some();
-        for (kind, plane) in self.planes.iter().filter(|(kind, _)| is_named(kind)) {
+        for (kind, plane) in self.planes.iter().filter(|(kind, _)| !AovKind::ALL.contains(kind)) {
             inventory.add(&format!("image {}", kind.name()), plane.size());
         }
         match &self.adaptive {
@@ -402,6 +401,7 @@ impl Film {
         for (kind, plane) in &self.planes {
             let address = match kind {
                 AovKind::Color | AovKind::Denoised | AovKind::Primvar(_) | AovKind::Light(_) => continue,
+                AovKind::Deep(_) => &mut frame.deep_image,
                 AovKind::Depth => &mut frame.aov.depth,
                 AovKind::CameraDepth => &mut frame.aov.camera_depth,
                 AovKind::PrimId => &mut frame.aov.prim_id,
@@ -578,6 +578,6 @@ fn bind_clear(frame: &mut FrameConstants, aov: &AovRequest) {
         | AovKind::Primvar(_)
         | AovKind::Light(_) => {}
         // Nothing is no id.
-        AovKind::CryptoObject | AovKind::CryptoMaterial => {}
+        AovKind::CryptoObject | AovKind::CryptoMaterial | AovKind::Deep(_) => {}
     }
 }

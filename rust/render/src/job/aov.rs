@@ -6,8 +6,10 @@
 //! image is traced once through pixel centres with a pinhole camera, so that ids and depth are exact and do not depend
 //! on sampling.
 
+use crate::job::deep::DeepLimits;
 use crate::job::expression::ExpressionId;
 use crate::job::primvar::PrimvarImage;
+use oocpt_abi::DeepSlot;
 
 macro_rules! aov_kinds {
     ($($(#[doc = $doc:literal])+ $name:ident: $token:literal, $channels:literal;)+) => {
@@ -20,10 +22,13 @@ macro_rules! aov_kinds {
             Primvar(PrimvarImage),
             /// The part of `Color` that a light path expression is of, without alpha; f32.
             Light(ExpressionId),
+            /// What samples meet first, by thing and depth: [`oocpt_abi::DeepSlot`], as many a pixel as the limits say,
+            /// in no order; zero where there are fewer.
+            Deep(DeepLimits),
         }
 
         impl AovKind {
-            /// Every kind but primvars and parts of light, in the order of the enum.
+            /// Every kind but primvars, parts of light and deep images, in the order of the enum.
             pub const ALL: [Self; [$(Self::$name),+].len()] = [$(Self::$name),+];
 
             /// Hydra's token for this image (`HdAovTokens`, and names of our own for what it has none for); one for all
@@ -33,6 +38,7 @@ macro_rules! aov_kinds {
                     $(Self::$name => $token,)+
                     Self::Primvar(_) => "primvar",
                     Self::Light(_) => "light",
+                    Self::Deep(_) => "deep",
                 }
             }
 
@@ -42,6 +48,7 @@ macro_rules! aov_kinds {
                     $(Self::$name => $channels,)+
                     Self::Primvar(_) => 4,
                     Self::Light(_) => 3,
+                    Self::Deep(limits) => size_of::<DeepSlot>() / 4 * usize::from(limits.samples()),
                 }
             }
         }
@@ -115,6 +122,7 @@ impl AovKind {
         match self {
             Self::Light(expression) => format!("lpe:{}", expression.text()),
             Self::Primvar(primvar) => format!("primvars:{}", primvar.name()),
+            Self::Deep(limits) => format!("deep:{limits}"),
             kind => kind.token().to_owned(),
         }
     }
@@ -129,10 +137,20 @@ impl AovKind {
         if let Self::Light(expression) = self { Some(expression) } else { None }
     }
 
+    /// The limits of a deep image.
+    pub(crate) fn deep(self) -> Option<DeepLimits> {
+        if let Self::Deep(limits) = self { Some(limits) } else { None }
+    }
+
+    /// Whether a pixel of the image is a list, which is empty where nothing is.
+    pub(crate) fn is_list(self) -> bool {
+        self.ranks_ids() || self.deep().is_some()
+    }
+
     /// Whether the image is of values that samples have beside their light; `filters`: as
     /// [`oocpt_core::settings::Settings::filter_aovs`] says.
     pub(crate) fn is_of_samples(self, filters: bool) -> bool {
-        filters && self.is_filterable() || self.expression().is_some() || self.ranks_ids()
+        filters && self.is_filterable() || self.expression().is_some() || self.is_list()
     }
 
     /// Whether the image is the mean over a pixel's samples of what each meets first, where
@@ -153,7 +171,7 @@ impl AovKind {
     /// Whether the image says something of the samples of `Color`, or is a part of it.
     pub(crate) fn is_of_light(self) -> bool {
         let tells = matches!(self, Self::Denoised | Self::SampleCount | Self::Variance | Self::Error);
-        tells || matches!(self, Self::Color | Self::Light(_))
+        tells || matches!(self, Self::Color | Self::Light(_) | Self::Deep(_))
     }
 
     /// Hydra's usual value of a pixel that nothing covers.

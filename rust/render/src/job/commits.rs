@@ -40,9 +40,11 @@ pub(crate) struct RenderAsk {
 
 impl RenderAsk {
     /// Whether a picture of it names what samples meet.
-    pub(crate) fn ranks_ids(&self) -> bool {
+    pub(crate) fn names_things(&self) -> bool {
         let requests = self.before.iter().map(|picture| &picture.request).chain([&self.request]);
+        let files = self.before.iter().flat_map(|picture| &picture.files).chain(self.products.iter());
         requests.flat_map(|request| &request.aovs).any(|aov| aov.kind.ranks_ids())
+            || files.flat_map(|file| &file.channels).any(|channel| channel.cryptomatte.is_some())
     }
 
     /// Names of the primvars that its pictures show, sorted.

@@ -3,6 +3,7 @@
 
 pub(crate) mod aov;
 pub(crate) mod commits;
+pub(crate) mod deep;
 pub(crate) mod edits;
 pub(crate) mod expression;
 #[cfg(feature = "faults")]

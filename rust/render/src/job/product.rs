@@ -2,6 +2,7 @@
 //! Render products: files that a batch render writes of its pictures. Plain data.
 
 use crate::job::aov::AovKind;
+use crate::job::deep::DeepLimits;
 use crate::job::request::RenderRequest;
 use oocpt_core::file_space::FileSpace;
 use std::path::PathBuf;
@@ -95,6 +96,30 @@ pub(crate) enum CryptomatteKind {
     Asset,
 }
 
+/// What a channel of a deep image has of a sample.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum DeepPart {
+    Red,
+    Green,
+    Blue,
+    Alpha,
+    Depth,
+    Prim,
+    Instance,
+    /// The hash of a name, as Cryptomatte has it.
+    Name,
+}
+
+impl DeepPart {
+    const ALL: [Self; 8] =
+        [Self::Red, Self::Green, Self::Blue, Self::Alpha, Self::Depth, Self::Prim, Self::Instance, Self::Name];
+
+    /// The part that a channel has.
+    pub(crate) fn of(channel: &FileChannel) -> Self {
+        Self::ALL.get(channel.component).copied().unwrap_or(Self::Depth)
+    }
+}
+
 /// A channel of a file: one component of an image.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct FileChannel {
@@ -122,6 +147,11 @@ pub(crate) enum FileCompression {
 }
 
 impl FileCompression {
+    /// Whether deep images are written with it: `OpenEXR` defines only these and `rle` for them.
+    pub(crate) fn is_of_deep_images(self) -> bool {
+        matches!(self, Self::None | Self::Zips)
+    }
+
     /// Whether floats come back with other bits.
     pub(crate) fn is_lossy(self) -> bool {
         matches!(self, Self::Pxr24 | Self::B44 | Self::B44a | Self::Dwaa | Self::Dwab)
@@ -144,6 +174,8 @@ pub(crate) struct ProductFile {
     pub(crate) prim: String,
     pub(crate) path: PathBuf,
     pub(crate) channels: Vec<FileChannel>,
+    /// The limits of its pixels, if it is a deep image; `FileChannel::component` is then a [`DeepPart`].
+    pub(crate) deep: Option<DeepLimits>,
     pub(crate) compression: FileCompression,
     pub(crate) storage: FileStorage,
     /// Attributes of the scene's, by name.

@@ -3,6 +3,7 @@
 
 use crate::error::RenderError;
 use crate::job::aov::{AovKind, AovRequest};
+use crate::job::deep::DeepLimits;
 use crate::job::expression::fit_together;
 use crate::job::window::{PictureLayout, PixelWindow};
 use oocpt_abi::MAX_SHOWN_PRIMVARS;
@@ -102,6 +103,18 @@ impl RenderRequest {
             fits
         });
         left
+    }
+
+    /// Asks for a deep image that has all that one of these limits has: a request has one at most.
+    pub(crate) fn add_deep(&mut self, limits: DeepLimits) {
+        let limits = self.deep().map_or(limits, |have| have.finer(limits));
+        self.aovs.retain(|aov| aov.kind.deep().is_none());
+        self.aovs.push(AovRequest { kind: AovKind::Deep(limits), clear: [0.0; 4] });
+    }
+
+    /// The limits of its deep image.
+    pub(crate) fn deep(&self) -> Option<DeepLimits> {
+        self.aovs.iter().filter_map(|aov| aov.kind.deep()).reduce(DeepLimits::finer)
     }
 
     /// Where the pixels go in the images.

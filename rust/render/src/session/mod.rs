@@ -180,6 +180,9 @@ impl Session {
         let plan = planned.plan(products, &self.shared);
         plan.of_host.iter().for_each(|file| add_kinds(&mut request, file));
         let left_out = request.keep_shown();
+        if let Some(limits) = request.deep() {
+            request.add_deep(limits); // one in place of all
+        }
         add_guides(&mut request, &settings);
         let mut before = plan.before.clone();
         before.iter_mut().for_each(|picture| add_guides(&mut picture.request, &settings));

@@ -15,7 +15,7 @@ use oocpt_core::inventory::RenderInventory;
 use oocpt_core::pixel_filter::PixelFilterKind;
 use oocpt_core::scene::TransformSample;
 use oocpt_core::settings::{HostMapped, Settings};
-use oocpt_render::{AovKind, AovRequest, ForcedFeatures, PlantedFaults, Session, SessionOptions};
+use oocpt_render::{AovKind, AovRequest, DeepLimits, ForcedFeatures, PlantedFaults, Session, SessionOptions};
 use rows::{Also, BARE, Names, Row};
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -28,6 +28,7 @@ fn image_of(also: Also) -> AovKind {
         Also::Albedo | Also::Filtered | Also::StreamedFiltered => AovKind::Albedo,
         Also::Primvar | Also::StreamedPrimvar => AovKind::from_token("primvars:dust").expect("a primvar"),
         Also::Ids => AovKind::CryptoObject,
+        Also::Deep => AovKind::Deep(DeepLimits::default()),
         Also::Errors => AovKind::Error,
         Also::Counts => AovKind::SampleCount,
         Also::Motion => AovKind::Motion,

@@ -3,8 +3,9 @@
 
 use super::{cryptomatte, sources};
 use crate::job::aov::AovKind;
+use crate::job::deep::DeepLimits;
 use crate::job::expression::has_paths;
-use crate::job::product::{CryptomatteKind, FileChannel, ProductVar, SampleFormat};
+use crate::job::product::{CryptomatteKind, DeepPart, FileChannel, ProductVar, SampleFormat};
 
 /// What a user should know of a channel that is there.
 pub(super) fn remark(channel: &FileChannel) -> Option<String> {
@@ -74,6 +75,57 @@ pub(super) fn of_var(var: &ProductVar, before: &[FileChannel]) -> Result<Vec<Fil
         format,
     });
     free(channels.collect(), before)
+}
+
+/// The channels of a var in a deep image that has `before`; or why there are none.
+pub(super) fn of_deep_var(
+    var: &ProductVar,
+    limits: DeepLimits,
+    before: &[FileChannel],
+) -> Result<Vec<FileChannel>, String> {
+    let channel = |name: &str, part: DeepPart, format| deep_channel(name, part, format, limits);
+    let layer = layer_name(var);
+    if let Some((kind, _)) = sources::cryptomatte(var) {
+        if kind == CryptomatteKind::Material {
+            return Err("deep samples are told apart by objects, not by materials".to_owned());
+        }
+        let named = FileChannel {
+            cryptomatte: Some((kind, layer.clone())),
+            ..channel(&layer, DeepPart::Name, SampleFormat::Uint)
+        };
+        return free(vec![named], before);
+    }
+    let half = data_type(var.data_type.trim()).1 == SampleFormat::Half;
+    let format = if half { SampleFormat::Half } else { SampleFormat::Float };
+    let row = sources::source(var)?;
+    let channels = match row.kind {
+        AovKind::Color if row.first == 0 => vec![
+            channel("R", DeepPart::Red, format),
+            channel("G", DeepPart::Green, format),
+            channel("B", DeepPart::Blue, format),
+        ],
+        AovKind::Color => vec![channel("A", DeepPart::Alpha, format)],
+        AovKind::CameraDepth => vec![channel("Z", DeepPart::Depth, SampleFormat::Float)],
+        AovKind::PrimId => vec![channel(&layer, DeepPart::Prim, SampleFormat::Uint)],
+        AovKind::InstanceId => vec![channel(&layer, DeepPart::Instance, SampleFormat::Uint)],
+        _ => return Err(format!("deep samples have no {}", var.source_name.trim())),
+    };
+    free(channels, before)
+}
+
+/// Adds alpha and depth, which every deep image has.
+pub(super) fn complete_deep(channels: &mut Vec<FileChannel>, limits: DeepLimits) {
+    let format = channels.iter().find(|channel| channel.name == "R").map_or(SampleFormat::Float, |red| red.format);
+    for (name, part, format) in [("A", DeepPart::Alpha, format), ("Z", DeepPart::Depth, SampleFormat::Float)] {
+        if channels.iter().all(|channel| channel.name != name) {
+            channels.push(deep_channel(name, part, format, limits));
+        }
+    }
+}
+
+fn deep_channel(name: &str, part: DeepPart, format: SampleFormat, limits: DeepLimits) -> FileChannel {
+    let (name, kind) = (name.to_owned(), AovKind::Deep(limits));
+    FileChannel { name, kind, cryptomatte: None, component: part as usize, format }
 }
 
 /// The channels, if the file has none of their names.

@@ -2,6 +2,7 @@
 //! Writes a product's file from the images of a finished picture.
 
 use super::cryptomatte::{self, CryptomatteLayer};
+use super::deep::DeepImage;
 use super::plan::is_input;
 use crate::film::picture::{PictureAttribute, PictureAttributes, layer_attributes};
 use crate::job::aov::AovKind;
@@ -11,8 +12,10 @@ use crate::job::request::RenderRequest;
 use exr::compression::Compression;
 use exr::image::{Blocks, Layers};
 use exr::meta::attribute::{AttributeValue, Chromaticities, IntegerBounds, LineOrder, Text};
-use exr::meta::header::{ImageAttributes, LayerAttributes};
-use exr::prelude::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, Vec2, WritableImage as _, f16};
+use exr::prelude::{
+    AnyChannel, AnyChannels, Encoding, FlatSamples, Image, ImageAttributes, Layer, LayerAttributes, Vec2,
+    WritableImage as _, f16,
+};
 use glam::{DMat4, DVec4};
 use oocpt_abi::IdSlot;
 use oocpt_core::camera::Camera;
@@ -59,12 +62,22 @@ pub(crate) fn write(
     if !may_be_replaced(&file.path) {
         return Err(ProductError::Foreign(name()));
     }
-    let mattes = mattes(file, request, images, names)?;
-    let image = image(file, request, images, (attributes, &mattes))?;
     let file_error = |error: std::io::Error| ProductError::File(name(), error.to_string());
     if let Some(folder) = file.path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
         std::fs::create_dir_all(folder).map_err(file_error)?;
     }
+    if let Some(limits) = file.deep {
+        let limits = request.deep().unwrap_or(limits);
+        let missing = || ProductError::Image(AovKind::Deep(limits));
+        let rows = rows(request, images, AovKind::Deep(limits)).ok_or_else(missing)?;
+        let compression = compression(file.compression);
+        let image = DeepImage::new((file, compression), limits, rows, names).ok_or_else(missing)?;
+        let (layer, shared) = header_of(file, request, (attributes, &image.named.attributes));
+        oocpt_files::replace_by(&file.path, |out| image.write(out, layer, shared)).map_err(file_error)?;
+        return Ok(image.warning().into_iter().collect());
+    }
+    let mattes = mattes(file, request, images, names)?;
+    let image = image(file, request, images, (attributes, &mattes))?;
     let written = oocpt_files::replace_by(&file.path, |out| {
         let done = image.write().to_buffered(BufWriter::new(out));
         done.map_err(|error| std::io::Error::other(error.to_string()))
@@ -72,6 +85,38 @@ pub(crate) fn write(
     written.map_err(file_error)?;
     let short = mattes.iter().filter(|(_, matte)| matte.unnamed > 0);
     Ok(short.map(|(layer, matte)| format!("{layer}: {} names are not in the manifest", matte.unnamed)).collect())
+}
+
+/// What the header of a file says beside its channels, with the attributes of OocPT and those of manifests.
+fn header_of(
+    file: &ProductFile,
+    request: &RenderRequest,
+    (attributes, manifests): (&PictureAttributes, &[(String, String)]),
+) -> (LayerAttributes, ImageAttributes) {
+    let mut layer = layer_attributes(attributes);
+    for (name, value) in manifests {
+        layer.other.insert(Text::from(name.as_str()), AttributeValue::Text(Text::from(value.as_str())));
+    }
+    if let Some(space) = file.space {
+        let named = ("renderingColorSpace".to_owned(), PictureAttribute::Text(space.name().to_owned()));
+        layer.other.extend(layer_attributes(&PictureAttributes::from([named])).other);
+    }
+    for (name, value) in &file.header {
+        let value = match value {
+            HeaderValue::Text(text) => AttributeValue::Text(Text::from(text.as_str())),
+            HeaderValue::Whole(number) => AttributeValue::I32(*number),
+            HeaderValue::Real(number) => AttributeValue::F64(*number),
+        };
+        layer.other.insert(Text::from(name.as_str()), value);
+    }
+    let [world_to_camera, world_to_ndc] = matrices(&request.camera, file);
+    (layer.world_to_camera, layer.world_to_normalized_device) = (Some(world_to_camera), Some(world_to_ndc));
+    layer.layer_position = Vec2(file.data_corner[0], file.data_corner[1]);
+    let [columns, rows] = file.display_size.map(|side| side as usize);
+    let mut shared = ImageAttributes::new(IntegerBounds::new(Vec2(0, 0), Vec2(columns, rows)));
+    shared.pixel_aspect = file.pixel_aspect;
+    shared.chromaticities = file.space.map(chromaticities);
+    (layer, shared)
 }
 
 /// The picture as it is written: one layer, or one for each part.
@@ -93,45 +138,19 @@ fn image(
     let line_order = if file.storage.tiles.is_some() { LineOrder::Unspecified } else { LineOrder::Increasing };
     let encoding = Encoding { compression: compression(file.compression), blocks, line_order };
     let size = Vec2(request.part().width as usize, request.part().height as usize);
+    let mut shared = ImageAttributes::new(IntegerBounds::zero());
     let layers = parts.into_iter().map(|(name, channels)| {
-        let mut layer = header(file, request, attributes);
-        layer.layer_name = (!name.is_empty()).then(|| Text::from(name));
         let is_here = |matte: &str| channels.iter().any(|c| c.cryptomatte.as_ref().is_some_and(|(_, l)| l == matte));
-        for (name, value) in mattes.iter().filter(|(matte, _)| is_here(matte)).flat_map(|(_, m)| &m.attributes) {
-            layer.other.insert(Text::from(name.as_str()), AttributeValue::Text(Text::from(value.as_str())));
-        }
+        let manifests = mattes.iter().filter(|(matte, _)| is_here(matte)).flat_map(|(_, matte)| &matte.attributes);
+        let (mut layer, of_image) = header_of(file, request, (attributes, &manifests.cloned().collect::<Vec<_>>()));
+        shared = of_image;
+        layer.layer_name = (!name.is_empty()).then(|| Text::from(name));
         let channels = channels.into_iter().map(|channel| written_channel(file, channel, request, images, mattes));
         let channels = AnyChannels::sort(channels.collect::<Result<_, ProductError>>()?);
         Ok(Layer::new(size, layer, encoding, channels))
     });
-    let [columns, rows] = file.display_size.map(|side| side as usize);
-    let attributes = ImageAttributes {
-        pixel_aspect: file.pixel_aspect,
-        chromaticities: file.space.map(chromaticities),
-        ..ImageAttributes::new(IntegerBounds::new(Vec2(0, 0), Vec2(columns, rows)))
-    };
-    Ok(Image::from_layers(attributes, layers.collect::<Result<Vec<_>, ProductError>>()?))
-}
-
-/// The attributes of a layer, but for those of Cryptomatte.
-fn header(file: &ProductFile, request: &RenderRequest, attributes: &PictureAttributes) -> LayerAttributes {
-    let mut layer = layer_attributes(attributes);
-    if let Some(space) = file.space {
-        let named = ("renderingColorSpace".to_owned(), PictureAttribute::Text(space.name().to_owned()));
-        layer.other.extend(layer_attributes(&PictureAttributes::from([named])).other);
-    }
-    for (name, value) in &file.header {
-        let value = match value {
-            HeaderValue::Text(text) => AttributeValue::Text(Text::from(text.as_str())),
-            HeaderValue::Whole(number) => AttributeValue::I32(*number),
-            HeaderValue::Real(number) => AttributeValue::F64(*number),
-        };
-        layer.other.insert(Text::from(name.as_str()), value);
-    }
-    let [world_to_camera, world_to_ndc] = matrices(&request.camera, file);
-    (layer.world_to_camera, layer.world_to_normalized_device) = (Some(world_to_camera), Some(world_to_ndc));
-    layer.layer_position = Vec2(file.data_corner[0], file.data_corner[1]);
-    layer
+    let layers = layers.collect::<Result<Vec<_>, ProductError>>()?;
+    Ok(Image::from_layers(shared, layers))
 }
 
 /// A channel with its numbers.

@@ -6,6 +6,8 @@
 
 mod channels;
 mod cryptomatte;
+mod deep;
+mod deep_lines;
 mod file;
 mod frame_name;
 mod header;

@@ -3,6 +3,7 @@
 
 use super::{channels, frame_name, header};
 use crate::job::aov::{AovKind, AovRequest};
+use crate::job::deep::DeepLimits;
 use crate::job::expression::{ExpressionId, fit_together};
 use crate::job::product::{FileChannel, FileCompression, ProductFile, ProductPicture, ProductVar, RenderProduct};
 use crate::job::request::RenderRequest;
@@ -69,7 +70,9 @@ impl ProductPlan {
 /// Adds the images that a file needs.
 pub(crate) fn add_kinds(request: &mut RenderRequest, file: &ProductFile) {
     for FileChannel { kind, .. } in file.channels.iter().cloned() {
-        if request.aovs.iter().all(|aov| aov.kind != kind) {
+        if let Some(limits) = kind.deep() {
+            request.add_deep(limits);
+        } else if request.aovs.iter().all(|aov| aov.kind != kind) {
             request.aovs.push(AovRequest { kind, clear: kind.default_clear() });
         }
     }
@@ -80,10 +83,14 @@ fn file_of(
     (taken, parts): (&[PathBuf], &mut PlannedParts),
     warnings: &mut Vec<String>,
 ) -> Result<ProductFile, String> {
-    // Arnold's users also write the name of the renderer.
-    if !matches!(&*product.kind, "" | "raster" | "arnold") {
-        return Err(format!("its productType {} is not supported", product.kind));
-    }
+    let has_deep_driver = channels::setting(&product.settings, &["arnold:driver"]) == Some("driver_deepexr");
+    let deep = match &*product.kind {
+        // Arnold's users also write the name of the renderer.
+        "" | "raster" | "arnold" if !has_deep_driver => None,
+        "" | "raster" | "arnold" => Some(deep_limits(product, warnings)),
+        "deepRaster" | "deep" => Some(deep_limits(product, warnings)),
+        kind => return Err(format!("its productType {kind} is not supported")),
+    };
     let path = path_of(product)?;
     if taken.contains(&path) {
         return Err(format!("another product is {}", path.display()));
@@ -94,8 +101,18 @@ fn file_of(
     if !(product.pixel_aspect.is_finite() && product.pixel_aspect > 0.0) {
         return Err("its pixelAspectRatio is not a positive number".to_owned());
     }
-    let channels = channels_of(product, parts, warnings)?;
+    let mut channels = channels_of(product, (deep, parts), warnings)?;
+    if let Some(limits) = deep {
+        channels::complete_deep(&mut channels, limits);
+    }
     let mut compression = compression_of(product, warnings);
+    if deep.is_some() && !compression.is_of_deep_images() {
+        // Without a word where nobody asked: zip is what is used where nothing is said.
+        if channels::setting(&product.settings, &COMPRESSION).is_some() {
+            warnings.push(format!("{}: deep images are compressed by none or zips; zips is used", product.prim));
+        }
+        compression = FileCompression::Zips;
+    }
     if compression.is_lossy() && channels.iter().any(|channel| channel.cryptomatte.is_some()) {
         warnings.push(format!("{}: Cryptomatte needs exact numbers; zip is used", product.prim));
         compression = FileCompression::Zip;
@@ -104,6 +121,7 @@ fn file_of(
         prim: product.prim.clone(),
         path,
         channels,
+        deep,
         compression,
         storage: header::storage(product, warnings),
         header: header::attributes(product, warnings),
@@ -157,7 +175,7 @@ impl PlannedParts {
 
 fn channels_of(
     product: &RenderProduct,
-    parts: &mut PlannedParts,
+    (deep, parts): (Option<DeepLimits>, &mut PlannedParts),
     warnings: &mut Vec<String>,
 ) -> Result<Vec<FileChannel>, String> {
     let default = [ProductVar {
@@ -169,7 +187,11 @@ fn channels_of(
     let vars = if product.vars.is_empty() { &default[..] } else { &product.vars };
     let mut all = Vec::new();
     for var in vars {
-        match channels::of_var(var, &all).and_then(|channels| parts.take(channels)) {
+        let channels = match deep {
+            Some(limits) => channels::of_deep_var(var, limits, &all),
+            None => channels::of_var(var, &all).and_then(|channels| parts.take(channels)),
+        };
+        match channels {
             Ok(channels) if all.len() + channels.len() <= MAX_CHANNELS => {
                 let remarks = channels.iter().filter_map(channels::remark);
                 warnings.extend(remarks.map(|text| format!("{}: {text}", var.prim)));
@@ -181,6 +203,32 @@ fn channels_of(
     }
     if all.is_empty() { Err("nothing of what it asks for is there".to_owned()) } else { Ok(all) }
 }
+
+/// The limits of a deep image, by settings of the product.
+fn deep_limits(product: &RenderProduct, warnings: &mut Vec<String>) -> DeepLimits {
+    let mut limits = DeepLimits::default();
+    let mut take = |name: &str, of: &dyn Fn(DeepLimits, f32) -> Option<DeepLimits>| {
+        let Some(text) = channels::setting(&product.settings, &[name]) else { return };
+        match text.parse().ok().and_then(|number| of(limits, number)) {
+            Some(changed) => limits = changed,
+            None => warnings.push(format!("{}: {name} cannot be {text}; it is left out", product.prim)),
+        }
+    };
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "whole numbers in 1..=64")]
+    take("oocpt:deepSamples", &|limits, number| {
+        let is_whole = number.fract() == 0.0 && (1.0..=64.0).contains(&number);
+        is_whole.then(|| limits.with_samples(number as u8)).flatten()
+    });
+    take("oocpt:deepTolerance", &|limits, part| limits.with_depths(part, limits.depths()[1]));
+    for name in DEEP_DISTANCE {
+        take(name, &|limits, distance| limits.with_depths(limits.depths()[0], distance));
+    }
+    limits
+}
+
+/// Settings that name the distance below which deep samples are one: OocPT's, Arnold's.
+const DEEP_DISTANCE: [&str; 3] =
+    ["arnold:depth_tolerance", "arnold:driver_deepexr:depth_tolerance", "oocpt:deepDistance"];
 
 /// Settings that name the compression, by those who write scenes: OocPT's, Karma's, Arnold's.
 const COMPRESSION: [&str; 4] = [
@@ -319,12 +367,12 @@ mod tests {
 
     #[test]
     fn hostile_products_are_warnings() {
-        let deep = RenderProduct { kind: "deepRaster".into(), ..product("/deep", "a.exr") };
+        let kind = RenderProduct { kind: "deepVolume".into(), ..product("/kind", "a.exr") };
         let huge = RenderProduct { picture: Some(picture(u32::MAX)), ..product("/huge", "h.exr") };
         let flat = RenderProduct { pixel_aspect: f32::NAN, ..product("/flat", "f.exr") };
         let empty = RenderProduct { vars: vec![var("nothing")], ..product("/empty", "e.exr") };
         let products = [
-            deep,
+            kind,
             huge,
             flat,
             empty,
@@ -444,6 +492,65 @@ mod tests {
             }
         }
         assert!(written > 100, "{written}");
+    }
+
+    fn deep(name: &str, vars: &[&str], settings: &[(&str, &str)]) -> RenderProduct {
+        let settings = settings.iter().map(|(key, value)| ((*key).into(), (*value).into())).collect();
+        let vars = vars.iter().map(|name| var(name)).collect();
+        RenderProduct { kind: "deepRaster".into(), vars, settings, ..product("/deep", name) }
+    }
+
+    #[test]
+    fn deep_images_have_alpha_and_depth_and_what_samples_have() {
+        let all = plan(&[deep("a.exr", &["Ci", "primId", "CryptoObject", "albedo", "CryptoMaterial"], &[])]);
+        let names: Vec<&str> = all.of_host[0].channels.iter().map(|channel| channel.name.as_str()).collect();
+        assert_eq!(names, ["R", "G", "B", "primId", "CryptoObject", "A", "Z"]);
+        assert_eq!(all.of_host[0].compression, FileCompression::Zips, "deep images have no zip");
+        let told = ["/v/albedo: left out of a.exr: deep samples have no albedo", "not by materials"];
+        assert_eq!(all.warnings.len(), 2, "{:?}", all.warnings);
+        assert!(all.warnings.iter().zip(told).all(|(line, words)| line.contains(words)), "{:?}", all.warnings);
+    }
+
+    #[test]
+    fn limits_of_deep_images_are_settings() {
+        let limits = |settings: &[(&str, &str)]| {
+            let plan = plan(&[deep("a.exr", &["Ci"], settings)]);
+            let limits = plan.of_host[0].deep.expect("a deep image");
+            (limits.samples(), limits.depths(), plan.warnings.len())
+        };
+        assert_eq!(limits(&[]), (16, [1e-3, 0.0], 0));
+        assert_eq!(limits(&[("oocpt:deepSamples", "4"), ("oocpt:deepTolerance", "0.25")]), (4, [0.25, 0.0], 0));
+        assert_eq!(limits(&[("arnold:depth_tolerance", "0.5")]), (16, [1e-3, 0.5], 0));
+        for wrong in ["0", "65", "-3", "2.5", "NaN", "inf", "many", ""] {
+            assert_eq!(limits(&[("oocpt:deepSamples", wrong)]), (16, [1e-3, 0.0], 1), "{wrong}");
+        }
+        for wrong in ["-1", "NaN", "inf", "1e99", "x"] {
+            let of = |name: &str| limits(&[(name, wrong)]);
+            assert_eq!([of("oocpt:deepTolerance"), of("oocpt:deepDistance")], [(16, [1e-3, 0.0], 1); 2], "{wrong}");
+        }
+    }
+
+    #[test]
+    fn arnolds_driver_of_deep_images_is_known() {
+        let mut product = deep("a.exr", &["Ci"], &[("arnold:driver", "driver_deepexr")]);
+        for (kind, driver, is_deep) in [("raster", "driver_deepexr", true), ("raster", "driver_exr", false)] {
+            (product.kind, product.settings[0].1) = (kind.into(), driver.into());
+            assert_eq!(plan(&[product.clone()]).of_host[0].deep.is_some(), is_deep, "{driver}");
+        }
+    }
+
+    #[test]
+    fn a_picture_has_one_deep_image_for_all_its_files() {
+        let coarse = [("oocpt:deepSamples", "2"), ("oocpt:deepTolerance", "0.5")];
+        let of = |name: &str, settings: &[(&str, &str)]| RenderProduct {
+            picture: Some(picture(8)),
+            ..deep(name, &["Ci"], settings)
+        };
+        let plan = plan(&[of("a.exr", &coarse), of("b.exr", &[("oocpt:deepSamples", "32")])]);
+        let request = &plan.before[0].request;
+        let limits = request.deep().expect("a deep image");
+        assert_eq!((limits.samples(), limits.depths()), (32, [1e-3, 0.0]), "the finer one of each");
+        assert_eq!(request.kinds(), [AovKind::Deep(limits)]);
     }
 
     #[test]

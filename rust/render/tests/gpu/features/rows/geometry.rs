@@ -134,6 +134,14 @@ pub(crate) const ROWS: &[Row] = &[
         ..BARE
     },
     Row {
+        what: "deep samples",
+        features: &["DEEP"],
+        passes: &[&["shade_aovs", "merge_deep", "resolve_deep"]],
+        buffers: &[&["image deep:16:0.001:0", "plane_values", "plane_sums"]],
+        also: Also::Deep,
+        ..BARE
+    },
+    Row {
         what: "a light path expression",
         features: &["PATH_EXPRESSIONS"],
         passes: &[&["sum_planes", "resolve_planes"]],

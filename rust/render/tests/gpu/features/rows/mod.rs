@@ -45,6 +45,7 @@ pub(crate) enum Also {
     Filtered,
     StreamedFiltered,
     Ids,
+    Deep,
     Parts,
     StreamedParts,
     Errors,
