@@ -90,6 +90,9 @@ shared! {
         /// f32x3, pixels to the right and up and camera depth by which the surface moves from the shutter's opening to
         /// its closing; written by `record_surfaces` with both `Features::STREAMING` and `Features::MOTION_VECTORS`.
         pub motion: u64,
+        /// f32x4, pixels to the right and up from the shutter's opening to its middle, and from there to its closing;
+        /// written as `motion` is.
+        pub motion_both: u64,
         /// f32, samples so far; written by `count_samples`.
         pub sample_count: u64,
         /// f32x3, the point of the surface in the world, with its origin.
@@ -428,6 +431,13 @@ shared! {
         pub light_values: u64,
         /// Outputs of `resolve_planes`: f32x3 per pixel for each expression, as those of `aov`.
         pub light_images: [u64; 32],
+        /// Outputs of `shade_aovs` or, of filtered images, `resolve_planes`: f32x4 per pixel for each primvar that is
+        /// shown, as those of `aov`; none behind the first 0. Only with `Features::SHADED_AOVS`, as the next two.
+        pub primvar_images: [u64; 4],
+        /// Numbers of the names of these primvars; `NO_NAME` of those that no prim has.
+        pub primvar_names: [u32; 4],
+        /// The values of a sample at which they begin; `NO_INDEX` of those that are traced through pixel centres.
+        pub primvar_at: [u32; 4],
         /// Floats from one path's `light_values` to the next one's.
         pub light_stride: u32,
         /// Number of expressions.
@@ -465,6 +475,9 @@ pub const DEEP_WORDS: u32 = 3;
 
 /// Ids of a pixel that are kept while it is sampled; beyond these the one of the least weight gives way.
 pub const ID_SLOTS: u32 = 16;
+
+/// Primvars that are shown in a frame.
+pub const MAX_SHOWN_PRIMVARS: u32 = 4;
 
 /// Ids of a pixel in an image.
 pub const ID_RANKS: u32 = 6;

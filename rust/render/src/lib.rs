@@ -45,7 +45,7 @@ pub use job::expression::ExpressionId;
 pub use job::faults::{CommitGate, FaultWitness, PlantedFaults};
 pub use job::forced_features::ForcedFeatures;
 pub use job::light_files::{LightFiles, LightPicture, NoFiles};
-pub use job::product::{ProductVar, RenderProduct};
+pub use job::product::{HeaderValue, ProductVar, RenderProduct};
 pub use job::request::{MAX_PIXELS, MAX_SIDE, Message, RenderRequest, Severity};
 pub use job::timings::{LeftMoment, LevelCounts, PassTime, RenderTimings};
 pub use job::window::PixelWindow;

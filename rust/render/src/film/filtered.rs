@@ -44,7 +44,7 @@ struct SampleWords {
 impl SampleWords {
     fn of(kinds: &[AovKind]) -> Self {
         let summed = kinds.iter().filter(|kind| !kind.is_list());
-        // At most three for each kind.
+        // At most four for each kind.
         let summed = summed.map(|kind| u32::try_from(kind.channels()).unwrap_or(0)).sum();
         let ids = kinds.iter().filter(|kind| kind.ranks_ids()).count();
         Self { summed, ids: u32::try_from(ids).unwrap_or(0), deep: kinds.iter().find_map(|kind| kind.deep()) }
@@ -152,13 +152,25 @@ impl FilteredPlanes {
         frame.plane_words = self.sample.all();
         (frame.sum_words, frame.id_count) = (self.sample.summed, self.sample.ids);
         frame.light_count = u32::try_from(self.expressions().len()).unwrap_or(0);
-        let mut at = 0;
-        for kind in &self.kinds {
-            if let Some(first) = offset(&mut frame.plane_at, *kind) {
+        for (kind, at) in self.places() {
+            if let Some(first) = offset(&mut frame.plane_at, kind) {
                 *first = at;
             }
-            at += SampleWords::of(&[*kind]).all();
         }
+    }
+
+    /// The images, and the value of a sample at which each begins.
+    fn places(&self) -> impl Iterator<Item = (AovKind, u32)> {
+        self.kinds.iter().scan(0, |at, kind| {
+            let first = *at;
+            *at += SampleWords::of(&[*kind]).all();
+            Some((*kind, first))
+        })
+    }
+
+    /// The value of a sample at which an image begins.
+    pub(crate) fn place_of(&self, kind: AovKind) -> Option<u32> {
+        self.places().find(|(have, _)| *have == kind).map(|(_, at)| at)
     }
 }
 
@@ -180,10 +192,12 @@ fn offset(at: &mut PlaneOffsets, kind: AovKind) -> Option<&mut u32> {
         | AovKind::InstanceId
         | AovKind::ElementId
         | AovKind::Motion
+        | AovKind::MotionBoth
         | AovKind::SampleCount
         | AovKind::Variance
         | AovKind::Error
         | AovKind::Denoised
+        | AovKind::Primvar(_)
         | AovKind::Light(_)
         | AovKind::Deep(_) => None,
     }
@@ -192,6 +206,7 @@ fn offset(at: &mut PlaneOffsets, kind: AovKind) -> Option<&mut u32> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::job::primvar::PrimvarImage;
 
     #[test]
     fn what_can_be_filtered_has_a_place_among_the_values() {
@@ -207,6 +222,9 @@ mod tests {
         );
         assert!(all[..6].iter().all(|kind| kind.is_filterable()), "ids come last: {all:?}");
         assert_eq!(filtered(&AovKind::ALL, false), [AovKind::CryptoObject, AovKind::CryptoMaterial]);
+        let [mean, centred] = [false, true].map(|is| AovKind::Primvar(PrimvarImage::of("st", is).expect("a name")));
+        assert_eq!(filtered(&[mean, centred], true), [mean], "whole numbers have no mean");
+        assert_eq!(SampleWords::of(&[mean]), SampleWords { summed: 4, ids: 0, deep: None });
         assert_eq!(size_of::<IdSlot>() * oocpt_abi::ID_RANKS as usize, AovKind::CryptoObject.pixel_bytes());
     }
 }

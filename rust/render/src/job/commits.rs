@@ -47,6 +47,16 @@ impl RenderAsk {
             || files.flat_map(|file| &file.channels).any(|channel| channel.cryptomatte.is_some())
     }
 
+    /// Names of the primvars that its pictures show, sorted.
+    pub(crate) fn shown_primvars(&self) -> Vec<Arc<str>> {
+        let requests = self.before.iter().map(|picture| &picture.request).chain([&self.request]);
+        let primvars = requests.flat_map(|request| &request.aovs).filter_map(|aov| aov.kind.primvar());
+        let mut names: Vec<Arc<str>> = primvars.map(|primvar| primvar.name()).collect();
+        names.sort_unstable();
+        names.dedup();
+        names
+    }
+
     fn is_same(&self, request: &RenderRequest, settings: &Settings, files: &Arc<dyn LightFiles>) -> bool {
         self.request == *request && self.settings == *settings && Arc::ptr_eq(&self.files, files)
     }

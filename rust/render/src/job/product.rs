@@ -20,6 +20,8 @@ pub struct RenderProduct {
     pub vars: Vec<ProductVar>,
     /// Its namespaced settings as text.
     pub settings: Vec<(String, String)>,
+    /// Those of these that are numbers.
+    pub numbers: Vec<(String, HeaderValue)>,
     /// `renderingColorSpace` of the render settings: the linear space that colours are written in; empty for Rec. 709.
     pub color_space: String,
     /// Width of a pixel over its height.
@@ -32,6 +34,17 @@ pub struct RenderProduct {
     pub frame: Option<f64>,
     /// The picture it is written of, without images. `None`: the one that the host asks for.
     pub picture: Option<RenderRequest>,
+}
+
+/// The value of an attribute of a scene's in the header of a file.
+#[derive(Clone, Debug, PartialEq)]
+pub enum HeaderValue {
+    /// A text.
+    Text(String),
+    /// A whole number.
+    Whole(i32),
+    /// A number.
+    Real(f64),
 }
 
 /// A `UsdRenderVar` of a product.
@@ -47,6 +60,18 @@ pub struct ProductVar {
     pub source_type: String,
     /// Its namespaced settings as text.
     pub settings: Vec<(String, String)>,
+}
+
+impl FileChannel {
+    /// The part of a file of several parts that it is in: its layer.
+    pub(crate) fn part(&self) -> &str {
+        match (&self.cryptomatte, self.name.rsplit_once('.')) {
+            (Some((_, layer)), _) => layer,
+            (None, Some((layer, _))) => layer,
+            (None, None) if matches!(&*self.name, "R" | "G" | "B" | "A") => "rgba",
+            (None, None) => &self.name,
+        }
+    }
 }
 
 /// How the numbers of a channel are stored.
@@ -133,6 +158,15 @@ impl FileCompression {
     }
 }
 
+/// How the pixels of a file are stored.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct FileStorage {
+    /// The side of its tiles; lines without one.
+    pub(crate) tiles: Option<u32>,
+    /// Each layer is a part of its own.
+    pub(crate) has_parts: bool,
+}
+
 /// A file that is to be written of a picture.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct ProductFile {
@@ -143,6 +177,9 @@ pub(crate) struct ProductFile {
     /// The limits of its pixels, if it is a deep image; `FileChannel::component` is then a [`DeepPart`].
     pub(crate) deep: Option<DeepLimits>,
     pub(crate) compression: FileCompression,
+    pub(crate) storage: FileStorage,
+    /// Attributes of the scene's, by name.
+    pub(crate) header: Vec<(String, HeaderValue)>,
     /// The space of its colours, if that is not linear Rec. 709.
     pub(crate) space: Option<&'static FileSpace>,
     pub(crate) pixel_aspect: f32,

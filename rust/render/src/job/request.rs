@@ -6,6 +6,7 @@ use crate::job::aov::{AovKind, AovRequest};
 use crate::job::deep::DeepLimits;
 use crate::job::expression::fit_together;
 use crate::job::window::{PictureLayout, PixelWindow};
+use oocpt_abi::MAX_SHOWN_PRIMVARS;
 use oocpt_core::camera::Camera;
 
 /// Longest side of an image, pixels.
@@ -75,10 +76,21 @@ impl RenderRequest {
             && self.aovs.iter().filter(is_filtered).eq(have.aovs.iter().filter(is_filtered))
     }
 
-    /// Leaves out images of light path expressions beyond those that one automaton has room for; returns them.
-    pub(crate) fn keep_expressions(&mut self) -> Vec<AovKind> {
+    /// Leaves out images of light path expressions beyond those that one automaton has room for, and primvars beyond
+    /// those that a frame can show; returns them.
+    pub(crate) fn keep_shown(&mut self) -> Vec<AovKind> {
         let (mut kept, mut left) = (Vec::new(), Vec::new());
+        let mut primvars: Vec<AovKind> = Vec::new();
         self.aovs.retain(|aov| {
+            if aov.kind.primvar().is_some() && !primvars.contains(&aov.kind) {
+                let fits = primvars.len() < MAX_SHOWN_PRIMVARS as usize;
+                if fits {
+                    primvars.push(aov.kind)
+                } else {
+                    left.push(aov.kind)
+                }
+                return fits;
+            }
             let Some(expression) = aov.kind.expression().filter(|expression| !kept.contains(expression)) else {
                 return true;
             };

@@ -73,6 +73,7 @@ impl SessionScene {
         let dicing = DicingCamera::new(&ask.request.camera, settings.dicing_rate).live(settings.interactive);
         self.db.set_dicing(dicing);
         self.db.set_live(settings.interactive);
+        self.db.show_primvars(&ask.shown_primvars());
         // Measured by the device, where it places what moves.
         self.db.set_late(shared.places_moved.load(Ordering::Relaxed));
         let lent = self.keep_meshes(settings, shared);

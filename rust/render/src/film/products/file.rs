@@ -6,11 +6,12 @@ use super::deep::DeepImage;
 use super::plan::is_input;
 use crate::film::picture::{PictureAttribute, PictureAttributes, layer_attributes};
 use crate::job::aov::AovKind;
-use crate::job::product::{FileChannel, FileCompression, ProductFile, SampleFormat};
+use crate::job::product::{FileChannel, FileCompression, HeaderValue, ProductFile, SampleFormat};
 use crate::job::publish::PublishedImages;
 use crate::job::request::RenderRequest;
 use exr::compression::Compression;
-use exr::meta::attribute::{AttributeValue, Chromaticities, IntegerBounds, Text};
+use exr::image::{Blocks, Layers};
+use exr::meta::attribute::{AttributeValue, Chromaticities, IntegerBounds, LineOrder, Text};
 use exr::prelude::{
     AnyChannel, AnyChannels, Encoding, FlatSamples, Image, ImageAttributes, Layer, LayerAttributes, Vec2,
     WritableImage as _, f16,
@@ -75,27 +76,8 @@ pub(crate) fn write(
         oocpt_files::replace_by(&file.path, |out| image.write(out, layer, shared)).map_err(file_error)?;
         return Ok(image.warning().into_iter().collect());
     }
-    let window = request.part();
     let mattes = mattes(file, request, images, names)?;
-    let channels = file.channels.iter().map(|channel| {
-        if let Some(matte) = channel.cryptomatte.as_ref().and_then(|(_, layer)| mattes.get(layer)) {
-            let component = matte.pixels.iter().skip(channel.component).step_by(cryptomatte::CHANNELS);
-            let samples = FlatSamples::F32(component.copied().collect());
-            return Ok(AnyChannel::new(Text::from(channel.name.as_str()), samples));
-        }
-        let rows = rows(request, images, channel.kind).ok_or(ProductError::Image(channel.kind))?;
-        let is_color = matches!(channel.kind, AovKind::Color | AovKind::Denoised | AovKind::Albedo);
-        let space = file.space.filter(|_| is_color);
-        let row = space.and_then(|space| space.from_rec709().get(channel.component).copied());
-        Ok(AnyChannel::new(Text::from(channel.name.as_str()), samples(&rows, channel, row)))
-    });
-    let channels = AnyChannels::sort(channels.collect::<Result<_, ProductError>>()?);
-    let of_mattes: Vec<_> = mattes.values().flat_map(|matte| matte.attributes.clone()).collect();
-    let (layer, shared) = header_of(file, request, (attributes, &of_mattes));
-    let encoding = Encoding { compression: compression(file.compression), ..Encoding::FAST_LOSSLESS };
-    let mut image =
-        Image::from_layer(Layer::new(Vec2(window.width as usize, window.height as usize), layer, encoding, channels));
-    image.attributes = shared;
+    let image = image(file, request, images, (attributes, &mattes))?;
     let written = oocpt_files::replace_by(&file.path, |out| {
         let done = image.write().to_buffered(BufWriter::new(out));
         done.map_err(|error| std::io::Error::other(error.to_string()))
@@ -119,6 +101,14 @@ fn header_of(
         let named = ("renderingColorSpace".to_owned(), PictureAttribute::Text(space.name().to_owned()));
         layer.other.extend(layer_attributes(&PictureAttributes::from([named])).other);
     }
+    for (name, value) in &file.header {
+        let value = match value {
+            HeaderValue::Text(text) => AttributeValue::Text(Text::from(text.as_str())),
+            HeaderValue::Whole(number) => AttributeValue::I32(*number),
+            HeaderValue::Real(number) => AttributeValue::F64(*number),
+        };
+        layer.other.insert(Text::from(name.as_str()), value);
+    }
     let [world_to_camera, world_to_ndc] = matrices(&request.camera, file);
     (layer.world_to_camera, layer.world_to_normalized_device) = (Some(world_to_camera), Some(world_to_ndc));
     layer.layer_position = Vec2(file.data_corner[0], file.data_corner[1]);
@@ -127,6 +117,60 @@ fn header_of(
     shared.pixel_aspect = file.pixel_aspect;
     shared.chromaticities = file.space.map(chromaticities);
     (layer, shared)
+}
+
+/// The picture as it is written: one layer, or one for each part.
+fn image(
+    file: &ProductFile,
+    request: &RenderRequest,
+    images: &PublishedImages,
+    (attributes, mattes): (&PictureAttributes, &BTreeMap<String, CryptomatteLayer>),
+) -> Result<Image<Layers<AnyChannels<FlatSamples>>>, ProductError> {
+    let mut parts: Vec<(&str, Vec<&FileChannel>)> = Vec::new();
+    for channel in &file.channels {
+        let name = if file.storage.has_parts { channel.part() } else { "" };
+        match parts.iter_mut().find(|(have, _)| *have == name) {
+            Some((_, channels)) => channels.push(channel),
+            None => parts.push((name, vec![channel])),
+        }
+    }
+    let blocks = file.storage.tiles.map_or(Blocks::ScanLines, |side| Blocks::Tiles(Vec2(side as usize, side as usize)));
+    let line_order = if file.storage.tiles.is_some() { LineOrder::Unspecified } else { LineOrder::Increasing };
+    let encoding = Encoding { compression: compression(file.compression), blocks, line_order };
+    let size = Vec2(request.part().width as usize, request.part().height as usize);
+    let mut shared = ImageAttributes::new(IntegerBounds::zero());
+    let layers = parts.into_iter().map(|(name, channels)| {
+        let is_here = |matte: &str| channels.iter().any(|c| c.cryptomatte.as_ref().is_some_and(|(_, l)| l == matte));
+        let manifests = mattes.iter().filter(|(matte, _)| is_here(matte)).flat_map(|(_, matte)| &matte.attributes);
+        let (mut layer, of_image) = header_of(file, request, (attributes, &manifests.cloned().collect::<Vec<_>>()));
+        shared = of_image;
+        layer.layer_name = (!name.is_empty()).then(|| Text::from(name));
+        let channels = channels.into_iter().map(|channel| written_channel(file, channel, request, images, mattes));
+        let channels = AnyChannels::sort(channels.collect::<Result<_, ProductError>>()?);
+        Ok(Layer::new(size, layer, encoding, channels))
+    });
+    let layers = layers.collect::<Result<Vec<_>, ProductError>>()?;
+    Ok(Image::from_layers(shared, layers))
+}
+
+/// A channel with its numbers.
+fn written_channel(
+    file: &ProductFile,
+    channel: &FileChannel,
+    request: &RenderRequest,
+    images: &PublishedImages,
+    mattes: &BTreeMap<String, CryptomatteLayer>,
+) -> Result<AnyChannel<FlatSamples>, ProductError> {
+    if let Some(matte) = channel.cryptomatte.as_ref().and_then(|(_, layer)| mattes.get(layer)) {
+        let component = matte.pixels.iter().skip(channel.component).step_by(cryptomatte::CHANNELS);
+        let samples = FlatSamples::F32(component.copied().collect());
+        return Ok(AnyChannel::new(Text::from(channel.name.as_str()), samples));
+    }
+    let rows = rows(request, images, channel.kind).ok_or(ProductError::Image(channel.kind))?;
+    let is_color = matches!(channel.kind, AovKind::Color | AovKind::Denoised | AovKind::Albedo | AovKind::Light(_));
+    let space = file.space.filter(|_| is_color);
+    let row = space.and_then(|space| space.from_rec709().get(channel.component).copied());
+    Ok(AnyChannel::new(Text::from(channel.name.as_str()), samples(&rows, channel, row)))
 }
 
 /// The attributes `worldToCamera` and `worldToNDC` as `OpenEXR` defines them, for points as row vectors: view space

@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Decides which files are written of which pictures, and says what of the products is left out and why. Pure.
 
-use super::{channels, frame_name};
-use crate::job::aov::AovRequest;
+use super::{channels, frame_name, header};
+use crate::job::aov::{AovKind, AovRequest};
 use crate::job::deep::DeepLimits;
 use crate::job::expression::{ExpressionId, fit_together};
 use crate::job::product::{FileChannel, FileCompression, ProductFile, ProductPicture, ProductVar, RenderProduct};
 use crate::job::request::RenderRequest;
+use oocpt_abi::MAX_SHOWN_PRIMVARS;
 use oocpt_core::file_space::FileSpace;
 use std::path::{Path, PathBuf};
 
@@ -84,9 +85,10 @@ fn file_of(
 ) -> Result<ProductFile, String> {
     let has_deep_driver = channels::setting(&product.settings, &["arnold:driver"]) == Some("driver_deepexr");
     let deep = match &*product.kind {
-        "" | "raster" if !has_deep_driver => None,
-        "" | "raster" => Some(deep_limits(product, warnings)),
-        "deepRaster" => Some(deep_limits(product, warnings)),
+        // Arnold's users also write the name of the renderer.
+        "" | "raster" | "arnold" if !has_deep_driver => None,
+        "" | "raster" | "arnold" => Some(deep_limits(product, warnings)),
+        "deepRaster" | "deep" => Some(deep_limits(product, warnings)),
         kind => return Err(format!("its productType {kind} is not supported")),
     };
     let path = path_of(product)?;
@@ -121,6 +123,8 @@ fn file_of(
         channels,
         deep,
         compression,
+        storage: header::storage(product, warnings),
+        header: header::attributes(product, warnings),
         space: space_of(product, warnings),
         pixel_aspect: product.pixel_aspect,
         display_size: product.display_size,
@@ -145,17 +149,25 @@ fn path_of(product: &RenderProduct) -> Result<PathBuf, String> {
     if is_exr { Ok(path) } else { Err(format!("{} is no EXR file by its name", path.display())) }
 }
 
-/// The light path expressions of all products so far: one automaton has them all, whichever picture they are of.
+/// The light path expressions and primvars of all products so far, whichever picture they are of: one automaton has
+/// all expressions, and there are few primvars.
 #[derive(Debug, Default)]
-struct PlannedParts(Vec<ExpressionId>);
+struct PlannedParts(Vec<ExpressionId>, Vec<AovKind>);
 
 impl PlannedParts {
-    /// These channels, if their expression has room.
+    /// These channels, if their expression or primvar has room.
     fn take(&mut self, channels: Vec<FileChannel>) -> Result<Vec<FileChannel>, String> {
         let new = channels.first().and_then(|channel| channel.kind.expression()).filter(|id| !self.0.contains(id));
         if let Some(new) = new {
             self.0.push(new);
             fit_together(&self.0).inspect_err(|_| self.0.truncate(self.0.len() - 1))?;
+        }
+        let primvar = channels.first().map(|channel| channel.kind).filter(|kind| kind.primvar().is_some());
+        if let Some(new) = primvar.filter(|kind| !self.1.contains(kind)) {
+            if self.1.len() >= MAX_SHOWN_PRIMVARS as usize {
+                return Err(format!("a render shows {MAX_SHOWN_PRIMVARS} primvars at most"));
+            }
+            self.1.push(new);
         }
         Ok(channels)
     }
@@ -219,7 +231,12 @@ const DEEP_DISTANCE: [&str; 3] =
     ["arnold:depth_tolerance", "arnold:driver_deepexr:depth_tolerance", "oocpt:deepDistance"];
 
 /// Settings that name the compression, by those who write scenes: OocPT's, Karma's, Arnold's.
-const COMPRESSION: [&str; 3] = ["oocpt:compression", "driver:parameters:OpenEXR:compression", "arnold:compression"];
+const COMPRESSION: [&str; 4] = [
+    "oocpt:compression",
+    "driver:parameters:OpenEXR:compression",
+    "arnold:compression",
+    "arnold:driver_exr:compression",
+];
 
 fn compression_of(product: &RenderProduct, warnings: &mut Vec<String>) -> FileCompression {
     let Some(name) = channels::setting(&product.settings, &COMPRESSION) else { return FileCompression::Zip };
@@ -276,7 +293,7 @@ pub(super) fn is_input(path: &Path, inputs: &[&str]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::job::aov::AovKind;
+    use crate::job::product::HeaderValue;
     use glam::DMat4;
     use oocpt_core::camera::Camera;
 
@@ -322,6 +339,17 @@ mod tests {
         assert_eq!(plan.before.iter().map(|before| before.files.len()).collect::<Vec<_>>(), [2, 1]);
         assert_eq!(plan.before[0].request.kinds(), [AovKind::Color, AovKind::Albedo], "the images of both");
         assert_eq!(plan.of_host.len(), 1);
+    }
+
+    #[test]
+    fn a_few_primvars_are_shown() {
+        let primvar = |name: &str| ProductVar { source_type: "primvar".into(), ..var(name) };
+        let names = ["a", "b", "a", "c", "d", "e", "f"];
+        let vars = names.iter().enumerate().map(|(at, n)| ProductVar { prim: format!("/v/{at}"), ..primvar(n) });
+        let plan = plan(&[RenderProduct { vars: vars.collect(), ..product("/p", "a.exr") }]);
+        assert_eq!(plan.of_host[0].channels.len(), 15, "one twice");
+        let said = plan.warnings.iter().filter(|line| line.contains("4 primvars at most"));
+        assert!(said.count() == 2 && plan.warnings.len() == 2, "{:?}", plan.warnings);
     }
 
     #[test]
@@ -400,6 +428,15 @@ mod tests {
             ".exr",
             "..",
             "\u{0}",
+            "true",
+            "tiled",
+            "64",
+            "-1",
+            "channels",
+            "crypto_object01",
+            "RGBA_key",
+            "diffuse_direct_'x'",
+            "st",
         ];
         let mut text = || texts[next(random, texts.len())].to_owned();
         let vars = [(); 3].map(|()| ProductVar {
@@ -409,7 +446,12 @@ mod tests {
             source_type: text(),
             settings: vec![("driver:parameters:aov:name".into(), text())],
         });
-        let settings = vec![(COMPRESSION[0].into(), text())];
+        let mut settings = vec![(COMPRESSION[0].into(), text())];
+        for key in ["oocpt:tiled", "oocpt:tileSize", "oocpt:multipart", "driver:parameters:OpenEXR:storage"] {
+            settings.push((key.to_owned(), text()));
+        }
+        settings.push((format!("driver:parameters:OpenEXR:{}", text()), text()));
+        let numbers = settings.iter().map(|(key, _)| (key.clone(), HeaderValue::Real(f64::NAN))).collect();
         let (prim, kind, name, color_space) = (text(), text(), text(), text());
         let sides = [0, 1, 7, 65_536, u32::MAX];
         RenderProduct {
@@ -418,6 +460,7 @@ mod tests {
             name,
             vars: vars[..next(random, 4)].to_vec(),
             settings,
+            numbers,
             color_space,
             pixel_aspect: [1.0, 2.5, -1.0, f32::NAN, 1e-3][next(random, 5)],
             display_size: [sides[next(random, 5)], sides[next(random, 5)]],
@@ -442,6 +485,8 @@ mod tests {
                 let extension = file.path.extension().expect("one");
                 assert!(extension.eq_ignore_ascii_case("exr") && !file.channels.is_empty(), "{product:?}");
                 let mut names: Vec<&str> = file.channels.iter().map(|channel| channel.name.as_str()).collect();
+                assert!(file.storage.tiles.is_none_or(|side| (8..=4096).contains(&side)), "{product:?}");
+                assert!(file.header.iter().all(|(name, _)| name.len() <= 96 && name != "channels"), "{product:?}");
                 names.sort_unstable();
                 assert!(names.windows(2).all(|pair| pair[0] != pair[1]) && !names[0].is_empty(), "{names:?}");
             }

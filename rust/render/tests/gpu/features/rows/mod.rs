@@ -40,6 +40,8 @@ pub(crate) enum Also {
     Filter,
     Depth,
     Albedo,
+    Primvar,
+    StreamedPrimvar,
     Filtered,
     StreamedFiltered,
     Ids,
