@@ -1,0 +1,225 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Corrects the USD stage that Blender exports for OocPT: what Blender 5.0's exporter leaves out or states otherwise
+than USD defines it. A `USDHook`, which Blender calls at the end of every export, and which leaves those alone that are
+not for this engine."""
+
+import contextlib
+import math
+
+import bpy
+
+from . import materials
+
+# Blender divides the strength of suns by 4, and halves their angle.
+SUN_STRENGTH, SUN_ANGLE = 4.0, 2.0
+CAMERA_VISIBILITY = "ri:attributes:visibility:camera"
+# Names of Blender's data, on the prims that are made of them.
+OBJECT_NAME, DATA_NAME = "userProperties:blender:object_name", "userProperties:blender:data_name"
+_exporting = None
+
+
+@contextlib.contextmanager
+def exporting(depsgraph, is_transparent):
+    """What is exported within is for this engine; a background that the camera sees through has no sky put into it."""
+    global _exporting
+    _exporting = depsgraph, is_transparent
+    try:
+        yield
+    finally:
+        _exporting = None
+
+
+class OocPTStageHook(bpy.types.USDHook):
+    bl_idname = "oocpt_stage_hook"
+    bl_label = "OocPT"
+
+    @staticmethod
+    def on_export(export_context):
+        if _exporting is None:
+            return False
+        depsgraph, is_transparent = _exporting
+        correct(export_context.get_stage(), depsgraph, is_transparent)
+        return True
+
+
+def correct(stage, depsgraph, is_transparent):
+    prims = list(stage.TraverseAll())
+    data = EvaluatedData(depsgraph)
+    for prim in prims:
+        if prim.GetTypeName() in LIGHT_TYPES:
+            _correct_light(prim, data)
+    if depsgraph.scene.oocpt.light_linking:
+        _link_lights(prims, data)
+    _dress_particles(prims, data)
+    materials.correct(prims, data)
+    if not is_transparent and not any(prim.GetTypeName() == "DomeLight" for prim in prims):
+        _blacken(stage)
+
+
+class EvaluatedData:
+    """Blender's data as it is in this frame, by name."""
+
+    def __init__(self, depsgraph):
+        self.lights, self.objects, self.materials, self.images = {}, {}, {}, {}
+        kinds = ((bpy.types.Light, self.lights), (bpy.types.Object, self.objects),
+                 (bpy.types.Material, self.materials), (bpy.types.Image, self.images))  # fmt: skip
+        for one in depsgraph.ids:
+            for kind, table in kinds:
+                if isinstance(one, kind):
+                    table[one.name] = one
+
+    def object_of(self, prim):
+        """The object that a prim, or the transform above it, is made of."""
+        return self.objects.get(text_of(prim, OBJECT_NAME) or text_of(prim.GetParent(), OBJECT_NAME))
+
+
+def text_of(prim, attribute):
+    return prim.GetAttribute(attribute).Get() if prim and prim.HasAttribute(attribute) else None
+
+
+# ---- lights ----
+
+LIGHT_TYPES = {"SphereLight", "DistantLight", "RectLight", "DiskLight", "CylinderLight"}
+
+
+def _correct_light(prim, data):
+    from pxr import Sdf, UsdGeom, UsdLux
+
+    light, owner = data.lights.get(text_of(prim, DATA_NAME)), data.object_of(prim)
+    if light is None:
+        return
+    api = UsdLux.LightAPI(prim)
+    # The exporter always turns it on, and 6500 K are not white.
+    api.CreateEnableColorTemperatureAttr(light.use_temperature)
+    if light.type == "SUN":
+        _scale(api.CreateIntensityAttr(), SUN_STRENGTH)
+        _scale(UsdLux.DistantLight(prim).CreateAngleAttr(), SUN_ANGLE)
+    if light.type == "SPOT":
+        _shape_cone(prim, light)
+    if not light.use_shadow:
+        UsdLux.ShadowAPI.Apply(prim).CreateShadowEnableAttr(False)
+    if owner is None or not owner.visible_camera:
+        seen = UsdGeom.PrimvarsAPI(prim).CreatePrimvar(CAMERA_VISIBILITY, Sdf.ValueTypeNames.Bool)
+        seen.Set(False)
+
+
+def _scale(attribute, factor):
+    attribute.Set(attribute.Get() * factor)
+
+
+def _shape_cone(prim, light):
+    """Blender's spots fade over the cosine of the angle, USD's over the angle."""
+    from pxr import UsdLux
+
+    half = light.spot_size / 2
+    edge = math.cos(half)
+    inner = math.acos(min(edge + (1 - edge) * light.spot_blend, 1.0))
+    shaping = UsdLux.ShapingAPI.Apply(prim)
+    shaping.CreateShapingConeAngleAttr(math.degrees(half))
+    shaping.CreateShapingConeSoftnessAttr(1 - inner / half if half > 0 else 0.0)
+
+
+def _blacken(stage):
+    """Without a sky the background is clear, where Blender has it black and opaque."""
+    from pxr import UsdLux
+
+    UsdLux.DomeLight.Define(stage, "/oocpt_black").CreateIntensityAttr(0.0)
+
+
+# ---- light linking ----
+
+
+def _link_lights(prims, data):
+    from pxr import UsdLux
+
+    paths = None
+    for prim in prims:
+        if prim.GetTypeName() not in LIGHT_TYPES:
+            continue
+        owner = data.object_of(prim)
+        linking = owner.light_linking if owner else None
+        if linking is None or not (linking.receiver_collection or linking.blocker_collection):
+            continue
+        paths = paths or _paths_of_objects(prims)
+        api = UsdLux.LightAPI(prim)
+        _author_links(api.GetLightLinkCollectionAPI(), linking.receiver_collection, paths)
+        _author_links(api.GetShadowLinkCollectionAPI(), linking.blocker_collection, paths)
+
+
+def _paths_of_objects(prims):
+    paths = {}
+    for prim in prims:
+        if name := text_of(prim, OBJECT_NAME):
+            paths.setdefault(name, []).append(prim.GetPath())
+    return paths
+
+
+def _author_links(api, collection, paths):
+    """As Blender has it: a collection that includes something reaches that alone, one that only excludes the rest."""
+    if collection is None:
+        return
+    states = {name: state for state, name in _linked(collection)}
+    included = [path for name, state in states.items() if state == "INCLUDE" for path in paths.get(name, ())]
+    excluded = [path for name, state in states.items() if state == "EXCLUDE" for path in paths.get(name, ())]
+    api.CreateIncludeRootAttr("INCLUDE" not in states.values())
+    api.CreateIncludesRel().SetTargets(included)
+    api.CreateExcludesRel().SetTargets(excluded)
+
+
+def _linked(collection):
+    """Pairs of state and object's name, those that count last."""
+    for child, entry in zip(collection.children, collection.collection_children, strict=True):
+        for one in child.all_objects:
+            yield entry.light_linking.link_state, one.name
+    for one, entry in zip(collection.objects, collection.collection_objects, strict=True):
+        yield entry.light_linking.link_state, one.name
+
+
+# ---- hair of particles ----
+
+
+def _dress_particles(prims, data):
+    """The exporter writes hair of particles without widths and without material."""
+    from pxr import UsdGeom, UsdShade
+
+    materials_at = {text_of(prim, DATA_NAME): prim for prim in prims if prim.GetTypeName() == "Material"}
+    for prim in prims:
+        if prim.GetTypeName() != "BasisCurves" or prim.HasAttribute(DATA_NAME):
+            continue
+        owner = data.object_of(prim)
+        systems = [one for one in getattr(owner, "particle_systems", ()) if one.settings.type == "HAIR"]
+        system = next((one for one in systems if _is_named(prim, one.name)), systems[0] if systems else None)
+        if system is None:
+            continue
+        curves = UsdGeom.BasisCurves(prim)
+        curves.CreateWidthsAttr(_widths(curves.GetCurveVertexCountsAttr().Get() or (), system.settings))
+        curves.SetWidthsInterpolation(UsdGeom.Tokens.vertex)
+        slot = system.settings.material - 1
+        chosen = owner.material_slots[slot].material if 0 <= slot < len(owner.material_slots) else None
+        if chosen and (at := materials_at.get(chosen.name)):
+            UsdShade.MaterialBindingAPI.Apply(prim).Bind(UsdShade.Material(at))
+
+
+def _is_named(prim, name):
+    return "".join(c if c.isalnum() else "_" for c in name) == prim.GetName()
+
+
+def _widths(counts, settings):
+    """Diameters from root to tip, by Blender's shape of a strand."""
+    root, tip = (2 * radius * settings.radius_scale for radius in (settings.root_radius, settings.tip_radius))
+    power = 1 + settings.shape if settings.shape < 0 else 1 / max(1 - settings.shape, 1e-3)
+    strands = {}
+    for count in set(counts):
+        along = [(k / max(count - 1, 1)) ** power for k in range(count)]
+        strands[count] = [root + (tip - root) * share for share in along]
+        if settings.use_close_tip and count:
+            strands[count][-1] = 0.0
+    return [width for count in counts for width in strands[count]]
+
+
+def register():
+    bpy.utils.register_class(OocPTStageHook)
+
+
+def unregister():
+    bpy.utils.unregister_class(OocPTStageHook)
