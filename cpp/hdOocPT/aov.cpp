@@ -182,6 +182,9 @@ std::vector<HdOocPTAov> _MakeAovs()
     };
 }
 
+// Ids as floats, for hosts that take images of floats alone: Hydra's name with this behind it.
+constexpr char _floatSuffix[] = "Float";
+
 // Before a light path expression.
 constexpr char _expressionPrefix[] = "lpe:";
 
@@ -224,8 +227,22 @@ HdOocPTAov const* HdOocPTFindAov(TfToken const& name)
     if (TfStringStartsWith(name.GetString(), _expressionPrefix)) {
         return _FindPart(name);
     }
-    auto const found = std::find_if(aovs.begin(), aovs.end(), [&name](HdOocPTAov const& a) { return a.name == name; });
+    auto const isNamed = [&name](HdOocPTAov const& a) {
+        return a.name == name || (a.format == HdFormatInt32 && a.name.GetString() + _floatSuffix == name.GetString());
+    };
+    auto const found = std::find_if(aovs.begin(), aovs.end(), isNamed);
     return found == aovs.end() ? nullptr : &*found;
+}
+
+HdAovDescriptor HdOocPTDescribeAov(TfToken const& name)
+{
+    HdOocPTAov const* const aov = HdOocPTFindAov(name);
+    if (!aov) {
+        return HdAovDescriptor();
+    }
+    bool const isFloat = aov->format == HdFormatInt32 && name != aov->name;
+    return isFloat ? HdAovDescriptor(HdFormatFloat32, false, VtValue(-1.0f))
+                   : HdAovDescriptor(aov->format, false, aov->clearValue);
 }
 
 bool HdOocPTIsStorable(HdFormat format)

@@ -8,11 +8,23 @@
 #include "pxr/imaging/hd/camera.h"
 #include "pxr/imaging/hd/renderIndex.h"
 
+#include <algorithm>
+#include <chrono>
+#include <thread>
 #include <utility>
 
 PXR_NAMESPACE_OPEN_SCOPE
 
 TF_DEFINE_PRIVATE_TOKENS(_tokens, (renderBuffer));
+
+namespace {
+
+// Hosts that execute in a loop ask once or twice in between.
+constexpr int _pollsOfLoop = 4;
+constexpr int _waitSteps = 25;
+constexpr std::chrono::milliseconds _waitStep(2);
+
+} // namespace
 
 HdOocPTRenderPass::HdOocPTRenderPass(
     HdRenderIndex* index, HdRprimCollection const& collection, std::shared_ptr<HdOocPTSession> session)
@@ -30,13 +42,28 @@ bool HdOocPTRenderPass::IsConverged() const
         // none.
         bool const isConverged = !_hasRequest || _session->IsConverged();
         _session->DrainMessages();
+        if (!isConverged) {
+            _WaitIfPolled();
+        }
         return isConverged;
     });
+}
+
+// Blender's final renders ask without pause, and read all images in between, which takes a core.
+void HdOocPTRenderPass::_WaitIfPolled() const
+{
+    if (++_pollCount <= _pollsOfLoop) {
+        return;
+    }
+    for (int step = 0; step < _waitSteps && !_session->IsConverged(); ++step) {
+        std::this_thread::sleep_for(_waitStep);
+    }
 }
 
 void HdOocPTRenderPass::_Execute(HdRenderPassStateSharedPtr const& renderPassState, TfTokenVector const& renderTags)
 {
     HdOocPTGuard("executing the render pass", [&] {
+        _pollCount = 0;
         HdCamera const* const camera = renderPassState->GetCamera();
         _session->CommitScene(camera ? camera->GetId() : SdfPath());
         HdOocPTRenderRequest request;
@@ -76,7 +103,10 @@ bool HdOocPTRenderPass::_BindAovs(HdRenderPassAovBindingVector const& bindings, 
             request->width = width;
             request->height = height;
         }
-        request->aovs.push_back({ name, binding.clearValue });
+        auto const isSame = [aov](HdOocPTAovRequest const& other) { return other.name == aov->name; };
+        if (std::none_of(request->aovs.begin(), request->aovs.end(), isSame)) {
+            request->aovs.push_back({ aov->name, name == aov->name ? binding.clearValue : aov->clearValue });
+        }
     }
     return !request->aovs.empty();
 }

@@ -21,7 +21,8 @@ public:
         HdRenderIndex* index, HdRprimCollection const& collection, std::shared_ptr<HdOocPTSession> session);
     ~HdOocPTRenderPass() override;
 
-    /// Returns true once every bound buffer holds its final image, or if rendering has ended for good.
+    /// Returns true once every bound buffer holds its final image, or if rendering has ended for good. Waits up to a
+    /// twentieth of a second if it is asked again and again without an execution in between.
     bool IsConverged() const override;
 
 protected:
@@ -32,9 +33,12 @@ private:
     /// into.
     bool _BindAovs(HdRenderPassAovBindingVector const& bindings, HdOocPTRenderRequest* request);
     HdRenderBuffer* _FindBuffer(HdRenderPassAovBinding const& binding) const;
+    void _WaitIfPolled() const;
 
     std::shared_ptr<HdOocPTSession> const _session;
     bool _hasRequest = false;
+    /// Answers of "not yet" since the last execution.
+    mutable int _pollCount = 0;
 };
 
 PXR_NAMESPACE_CLOSE_SCOPE

@@ -61,14 +61,12 @@ class OocPTRenderEngine(bpy.types.HydraRenderEngine):
             self.report({"INFO"}, "OocPT: " + ", ".join(f"{key} {value}" for key, value in summary.items()))
 
     def _finish_depth(self, depsgraph):
-        if not depsgraph.view_layer.use_pass_z:
-            return
+        """In the result itself: what `begin_result` gives would replace every pass."""
+        layer = self.get_result().layers.get(depsgraph.view_layer.name)
         width, height = _rendered_size(depsgraph.scene.render)
-        result = self.begin_result(0, 0, width, height, layer=depsgraph.view_layer.name)
-        for one in result.layers[0].passes:
+        for one in layer.passes if layer else ():
             if one.name == "Depth":
                 passes.put_far_what_is_not_seen(one, width * height)
-        self.end_result(result)
 
     def _tell_fault(self):
         """A picture that was not rendered is never finished: the error is shown with it, and ends the operator."""

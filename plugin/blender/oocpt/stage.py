@@ -12,6 +12,8 @@ from . import materials
 
 # Blender divides the strength of suns by 4, and halves their angle.
 SUN_STRENGTH, SUN_ANGLE = 4.0, 2.0
+# Below what a picture of floats can show beside anything else.
+NO_LIGHT = 1e-20
 CAMERA_VISIBILITY = "ri:attributes:visibility:camera"
 # Names of Blender's data, on the prims that are made of them.
 OBJECT_NAME, DATA_NAME = "userProperties:blender:object_name", "userProperties:blender:data_name"
@@ -52,7 +54,7 @@ def correct(stage, depsgraph, is_transparent):
         _link_lights(prims, data)
     _dress_particles(prims, data)
     materials.correct(prims, data)
-    if not is_transparent and not any(prim.GetTypeName() == "DomeLight" for prim in prims):
+    if not is_transparent and not any(_is_seen_as_sky(prim) for prim in prims):
         _blacken(stage)
 
 
@@ -119,11 +121,15 @@ def _shape_cone(prim, light):
     shaping.CreateShapingConeSoftnessAttr(1 - inner / half if half > 0 else 0.0)
 
 
+def _is_seen_as_sky(prim):
+    return prim.GetTypeName() == "DomeLight" and prim.GetAttribute("inputs:intensity").Get() != 0
+
+
 def _blacken(stage):
-    """Without a sky the background is clear, where Blender has it black and opaque."""
+    """Without a sky the background is clear, where Blender has it black and opaque. A light of no intensity is none."""
     from pxr import UsdLux
 
-    UsdLux.DomeLight.Define(stage, "/oocpt_black").CreateIntensityAttr(0.0)
+    UsdLux.DomeLight.Define(stage, "/oocpt_black").CreateIntensityAttr(NO_LIGHT)
 
 
 # ---- light linking ----
