@@ -34,9 +34,9 @@ def check_versions(root: Path) -> str:
 
 
 def write_zip(root: Path, target: Path) -> None:
-    with zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
-        for file in sorted(path for path in root.rglob("*") if path.is_file()):
-            package.add(archive, file.relative_to(root).as_posix(), file.read_bytes(), 0o644)
+    with zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED, compresslevel=6) as archive:
+        for name in sorted(path.relative_to(root).as_posix() for path in root.rglob("*") if path.is_file()):
+            package.add(archive, name, (root / name).read_bytes(), 0o644)
 
 
 def pack(built: Path, out: Path) -> tuple[Path, tuple[int, int]]:

@@ -69,10 +69,11 @@ class OocPTRenderEngine(bpy.types.HydraRenderEngine):
                 passes.put_far_what_is_not_seen(one, width * height)
 
     def _tell_fault(self):
-        """A picture that was not rendered is never finished: the error is shown with it, and ends the operator."""
-        text = f"OocPT: {self.fault}"
-        self.error_set(text)
+        """A picture that was not rendered is never finished: the report fails the operator, and nothing is written;
+        what `error_set` is given stands over the picture."""
+        text = self.fault if self.fault.startswith("OocPT: ") else f"OocPT: {self.fault}"
         self.report({"ERROR"}, text)
+        self.error_set(text)
 
     # ---- the viewport ----
 

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Textures that have no file: Blender's exporter writes the paths that packed and generated images would have, and no
+"""Materials of the exported stage: textures without a file, and materials that were not exported.
+
+Textures that have no file: Blender's exporter writes the paths that packed and generated images would have, and no
 files there. They are written into Blender's own temporary folder, which it removes."""
 
 import hashlib
@@ -10,6 +12,29 @@ import bpy
 # Endings of files by the format of an image that has no file yet.
 ENDINGS = {"JPEG": ".jpg", "OPEN_EXR": ".exr", "OPEN_EXR_MULTILAYER": ".exr", "HDR": ".hdr", "TIFF": ".tif",
            "TARGA": ".tga", "BMP": ".bmp"}  # fmt: skip
+
+
+# Inputs of UsdPreviewSurface, and of Blender's principled material.
+PLAIN_INPUTS = (("diffuseColor", "Base Color"), ("roughness", "Roughness"), ("metallic", "Metallic"))
+
+
+def define_plain(prim, material):
+    """Below a prim, the colour, roughness and metalness of a material that no mesh has: the exporter leaves it out."""
+    from pxr import Sdf, UsdShade
+
+    path = prim.GetPath().AppendChild("material")
+    made = UsdShade.Material.Define(prim.GetStage(), path)
+    shader = UsdShade.Shader.Define(prim.GetStage(), path.AppendChild("surface"))
+    shader.CreateIdAttr("UsdPreviewSurface")
+    nodes = material.node_tree.nodes if material.node_tree else ()
+    principled = next((node for node in nodes if node.type == "BSDF_PRINCIPLED"), None)
+    for name, blenders in PLAIN_INPUTS if principled else ():
+        value = principled.inputs[blenders].default_value
+        is_color = name == "diffuseColor"
+        kind = Sdf.ValueTypeNames.Color3f if is_color else Sdf.ValueTypeNames.Float
+        shader.CreateInput(name, kind).Set(tuple(value[:3]) if is_color else value)
+    made.CreateSurfaceOutput().ConnectToSource(shader.ConnectableAPI(), "surface")
+    return made.GetPrim()
 
 
 def correct(prims, data):

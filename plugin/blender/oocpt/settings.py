@@ -22,8 +22,8 @@ DENOISE = (
 )
 EXPORT = (
     ("USD", "USD", "Complete: lights, hair, packed textures and links as Blender has them. Instancing is kept"),
-    ("HYDRA", "Hydra", "Fast edits of large scenes, but spots have no cone, suns a quarter of their strength, lights are "
-     "seen by the camera and linked to everything"),
+    ("HYDRA", "Hydra", "Fast edits of large scenes, but spots have no cone, suns a quarter of their strength, and the "
+     "camera sees lights"),
 )  # fmt: skip
 
 
@@ -47,12 +47,12 @@ class OocPTSceneSettings(bpy.types.PropertyGroup):
     viewport_denoise: EnumProperty(name="Denoise", description="Denoise the viewport with Open Image Denoise",
                                    items=DENOISE, default="off")
 
-    max_bounces: IntProperty(name="Total", description="Most bounces of a path; 0 is direct light alone", default=8,
+    max_bounces: IntProperty(name="Total", description="Most bounces of a path; 0 is direct light alone", default=12,
                              min=0, max=1024)
     diffuse_bounces: IntProperty(name="Diffuse", description="Most diffuse bounces", default=1024, min=0, max=1024)
     specular_bounces: IntProperty(name="Specular", description="Most bounces off specular surfaces and hair",
                                   default=1024, min=0, max=1024)
-    transmission_bounces: IntProperty(name="Transmission", description="Most bounces through surfaces; a pane takes two",
+    transmission_bounces: IntProperty(name="Transmission", description="Most bounces through surfaces, two a pane",
                                       default=1024, min=0, max=1024)
     clamp: FloatProperty(name="Clamp Indirect", default=0.0, min=0.0, soft_max=100.0,
                          description="Largest indirect contribution of a sample, which darkens the picture; 0 is off")

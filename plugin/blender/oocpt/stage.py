@@ -110,15 +110,28 @@ def _scale(attribute, factor):
 
 
 def _shape_cone(prim, light):
-    """Blender's spots fade over the cosine of the angle, USD's over the angle."""
+    """Blender's spots fade over the cosine of the angle, USD's over the angle: the softness with as much light."""
     from pxr import UsdLux
 
     half = light.spot_size / 2
     edge = math.cos(half)
-    inner = math.acos(min(edge + (1 - edge) * light.spot_blend, 1.0))
+    wanted = (1 - edge) * (1 - light.spot_blend / 2)
+    low, high = 0.0, 1.0
+    for _ in range(20):
+        softness = (low + high) / 2
+        low, high = (softness, high) if _light_in_cone(half, softness) > wanted else (low, softness)
     shaping = UsdLux.ShapingAPI.Apply(prim)
     shaping.CreateShapingConeAngleAttr(math.degrees(half))
-    shaping.CreateShapingConeSoftnessAttr(1 - inner / half if half > 0 else 0.0)
+    shaping.CreateShapingConeSoftnessAttr(softness)
+
+
+def _light_in_cone(half, softness, steps=64):
+    """The integral of USD's falloff over directions, divided by 2 pi: a smoothstep from `half` down."""
+    inner = half * (1 - softness)
+    width = (half - inner) / steps
+    angles = [inner + width * (k + 0.5) for k in range(steps)]
+    fades = [(share * share * (3 - 2 * share), angle) for angle in angles if (share := (half - angle) / (half - inner))]
+    return 1 - math.cos(inner) + sum(fade * math.sin(angle) * width for fade, angle in fades)
 
 
 def _is_seen_as_sky(prim):
@@ -190,7 +203,7 @@ def _dress_particles(prims, data):
 
     materials_at = {text_of(prim, DATA_NAME): prim for prim in prims if prim.GetTypeName() == "Material"}
     for prim in prims:
-        if prim.GetTypeName() != "BasisCurves" or prim.HasAttribute(DATA_NAME):
+        if prim.GetTypeName() != "BasisCurves" or prim.GetAttribute("widths").HasAuthoredValue():
             continue
         owner = data.object_of(prim)
         systems = [one for one in getattr(owner, "particle_systems", ()) if one.settings.type == "HAIR"]
@@ -202,7 +215,8 @@ def _dress_particles(prims, data):
         curves.SetWidthsInterpolation(UsdGeom.Tokens.vertex)
         slot = system.settings.material - 1
         chosen = owner.material_slots[slot].material if 0 <= slot < len(owner.material_slots) else None
-        if chosen and (at := materials_at.get(chosen.name)):
+        if chosen:
+            at = materials_at.get(chosen.name) or materials.define_plain(prim, chosen)
             UsdShade.MaterialBindingAPI.Apply(prim).Bind(UsdShade.Material(at))
 
 
@@ -212,7 +226,8 @@ def _is_named(prim, name):
 
 def _widths(counts, settings):
     """Diameters from root to tip, by Blender's shape of a strand."""
-    root, tip = (2 * radius * settings.radius_scale for radius in (settings.root_radius, settings.tip_radius))
+    # What Blender names radii are diameters.
+    root, tip = (width * settings.radius_scale for width in (settings.root_radius, settings.tip_radius))
     power = 1 + settings.shape if settings.shape < 0 else 1 / max(1 - settings.shape, 1e-3)
     strands = {}
     for count in set(counts):
