@@ -9,22 +9,11 @@
 #include "pxr/imaging/hd/renderIndex.h"
 
 #include <algorithm>
-#include <chrono>
-#include <thread>
 #include <utility>
 
 PXR_NAMESPACE_OPEN_SCOPE
 
 TF_DEFINE_PRIVATE_TOKENS(_tokens, (renderBuffer));
-
-namespace {
-
-// Hosts that execute in a loop ask once or twice in between.
-constexpr int _pollsOfLoop = 4;
-constexpr int _waitSteps = 25;
-constexpr std::chrono::milliseconds _waitStep(2);
-
-} // namespace
 
 HdOocPTRenderPass::HdOocPTRenderPass(
     HdRenderIndex* index, HdRprimCollection const& collection, std::shared_ptr<HdOocPTSession> session)
@@ -43,27 +32,15 @@ bool HdOocPTRenderPass::IsConverged() const
         bool const isConverged = !_hasRequest || _session->IsConverged();
         _session->DrainMessages();
         if (!isConverged) {
-            _WaitIfPolled();
+            _pace.Hold([this] { return _session->IsConverged(); });
         }
         return isConverged;
     });
 }
 
-// Blender's final renders ask without pause, and read all images in between, which takes a core.
-void HdOocPTRenderPass::_WaitIfPolled() const
-{
-    if (++_pollCount <= _pollsOfLoop) {
-        return;
-    }
-    for (int step = 0; step < _waitSteps && !_session->IsConverged(); ++step) {
-        std::this_thread::sleep_for(_waitStep);
-    }
-}
-
 void HdOocPTRenderPass::_Execute(HdRenderPassStateSharedPtr const& renderPassState, TfTokenVector const& renderTags)
 {
     HdOocPTGuard("executing the render pass", [&] {
-        _pollCount = 0;
         HdCamera const* const camera = renderPassState->GetCamera();
         _session->CommitScene(camera ? camera->GetId() : SdfPath());
         HdOocPTRenderRequest request;
@@ -78,6 +55,10 @@ void HdOocPTRenderPass::_Execute(HdRenderPassStateSharedPtr const& renderPassSta
             request.worldToView = renderPassState->GetWorldToViewMatrix();
             request.projection = renderPassState->GetProjectionMatrix();
             request.renderTags = renderTags;
+            if (request.worldToView != _worldToView) {
+                _worldToView = request.worldToView;
+                _pace.Restart();
+            }
             _session->Render(request);
         }
         _session->DrainMessages();

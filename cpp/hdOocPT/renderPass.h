@@ -4,6 +4,7 @@
 #define HDOOCPT_RENDER_PASS_H
 
 #include "bridge/session.h"
+#include "hdOocPT/hostPace.h"
 #include "pxr/imaging/hd/renderPass.h"
 #include "pxr/imaging/hd/renderPassState.h"
 #include "pxr/pxr.h"
@@ -21,8 +22,8 @@ public:
         HdRenderIndex* index, HdRprimCollection const& collection, std::shared_ptr<HdOocPTSession> session);
     ~HdOocPTRenderPass() override;
 
-    /// Returns true once every bound buffer holds its final image, or if rendering has ended for good. Waits up to a
-    /// twentieth of a second if it is asked again and again without an execution in between.
+    /// Returns true once every bound buffer holds its final image, or if rendering has ended for good. A host that asks
+    /// without ever sleeping waits here (HdOocPTHostPace).
     bool IsConverged() const override;
 
 protected:
@@ -33,12 +34,11 @@ private:
     /// into.
     bool _BindAovs(HdRenderPassAovBindingVector const& bindings, HdOocPTRenderRequest* request);
     HdRenderBuffer* _FindBuffer(HdRenderPassAovBinding const& binding) const;
-    void _WaitIfPolled() const;
 
     std::shared_ptr<HdOocPTSession> const _session;
     bool _hasRequest = false;
-    /// Answers of "not yet" since the last execution.
-    mutable int _pollCount = 0;
+    GfMatrix4d _worldToView { 1.0 };
+    mutable HdOocPTHostPace _pace;
 };
 
 PXR_NAMESPACE_CLOSE_SCOPE
