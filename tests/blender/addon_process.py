@@ -144,6 +144,32 @@ def looks():
     return render_both("looks", 256)
 
 
+def sky():
+    """A mirror under a panorama of strength 2 that is turned, and under one that is not; what has no material."""
+    scene = empty(32, 16, wide=4)
+    pixels = np.ones((16, 32, 4), np.float32)
+    pixels[..., 0], pixels[..., 1] = np.linspace(0, 1, 32)[None, :], np.linspace(0, 1, 16)[:, None]
+    image = bpy.data.images.new("panorama", 32, 16, float_buffer=True)
+    image.pixels.foreach_set(pixels.ravel())
+    image.filepath_raw, image.file_format = str(OUT / "panorama.hdr"), "HDR"
+    image.save()
+    nodes, links = scene.world.node_tree.nodes, scene.world.node_tree.links
+    panorama, mapping = nodes.new("ShaderNodeTexEnvironment"), nodes.new("ShaderNodeMapping")
+    panorama.image = bpy.data.images.load(str(OUT / "panorama.hdr"))
+    links.new(panorama.outputs["Color"], nodes["Background"].inputs["Color"])
+    nodes["Background"].inputs["Strength"].default_value = 2.0
+    bpy.ops.mesh.primitive_uv_sphere_add(radius=0.9, location=(-1, 0, 0), segments=64, ring_count=32)
+    bpy.ops.object.shade_smooth()
+    bpy.context.object.data.materials.append(material("Mirror", Metallic=1.0, Roughness=0.0, Base_Color=(1, 1, 1, 1)))
+    bpy.ops.mesh.primitive_plane_add(size=2, location=(1, 0, 0))
+    answer = render_both("sky", 64)
+    turned = nodes.new("ShaderNodeTexCoord")
+    links.new(turned.outputs["Generated"], mapping.inputs["Vector"])
+    links.new(mapping.outputs["Vector"], panorama.inputs["Vector"])
+    mapping.inputs["Rotation"].default_value = (0, 0, 1.0)
+    return [answer, render_both("sky_turned", 64)]
+
+
 def textures():
     """Planes that glow in the colours of a file, a packed file whose name is gone, a packed picture, a painted one."""
     empty(64, 16, sky=(0, 0, 0), wide=8)

@@ -12,6 +12,10 @@ from . import materials
 
 # Blender divides the strength of suns by 4, and halves their angle.
 SUN_STRENGTH, SUN_ANGLE = 4.0, 2.0
+# Turns USD's frame of a sky, whose middle is at z and whose top is y, into Blender's, -x and z.
+SKY_TURN = (90.0, 0.0, 90.0)
+# What Blender's own engines give to what has no material.
+BARE_COLOR = (0.8, 0.8, 0.8)
 # Below what a picture of floats can show beside anything else.
 NO_LIGHT = 1e-20
 CAMERA_VISIBILITY = "ri:attributes:visibility:camera"
@@ -50,9 +54,12 @@ def correct(stage, depsgraph, is_transparent):
     for prim in prims:
         if prim.GetTypeName() in LIGHT_TYPES:
             _correct_light(prim, data)
+        elif prim.GetTypeName() == "DomeLight":
+            _correct_sky(prim, depsgraph.scene_eval.world)
     if depsgraph.scene.oocpt.light_linking:
         _link_lights(prims, data)
     _dress_particles(prims, data)
+    _color_bare(prims)
     materials.correct(prims, data)
     if not is_transparent and not any(_is_seen_as_sky(prim) for prim in prims):
         _blacken(stage)
@@ -132,6 +139,21 @@ def _light_in_cone(half, softness, steps=64):
     angles = [inner + width * (k + 0.5) for k in range(steps)]
     fades = [(share * share * (3 - 2 * share), angle) for angle in angles if (share := (half - angle) / (half - inner))]
     return 1 - math.cos(inner) + sum(fade * math.sin(angle) * width for fade, angle in fades)
+
+
+def _correct_sky(prim, world):
+    """A picture without a Mapping node is exported in USD's frame, where y is up, and never with its strength."""
+    from pxr import Gf, UsdLux
+
+    if not prim.GetAttribute("inputs:texture:file").HasAuthoredValue() or not world or not world.node_tree:
+        return
+    background = next((node for node in world.node_tree.nodes if node.type == "BACKGROUND"), None)
+    strength = UsdLux.LightAPI(prim).GetIntensityAttr()
+    if background and not strength.HasAuthoredValue():
+        strength.Set(background.inputs["Strength"].default_value)
+    turn = prim.GetAttribute("xformOp:rotateXYZ")
+    if turn and max(map(abs, turn.Get())) == 0:
+        turn.Set(Gf.Vec3f(*SKY_TURN))
 
 
 def _is_seen_as_sky(prim):
@@ -236,6 +258,22 @@ def _widths(counts, settings):
         if settings.use_close_tip and count:
             strands[count][-1] = 0.0
     return [width for count in counts for width in strands[count]]
+
+
+# ---- what has no material ----
+
+
+def _color_bare(prims):
+    from pxr import UsdGeom, UsdShade
+
+    for prim in prims:
+        if prim.GetTypeName() not in {"Mesh", "BasisCurves", "Points"}:
+            continue
+        color = UsdGeom.Gprim(prim).GetDisplayColorAttr()
+        if color.HasAuthoredValue() or UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()[0]:
+            continue
+        if not any(child.GetTypeName() == "GeomSubset" for child in prim.GetChildren()):
+            UsdGeom.Gprim(prim).CreateDisplayColorAttr([BARE_COLOR])
 
 
 def register():
