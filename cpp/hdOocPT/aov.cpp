@@ -182,8 +182,9 @@ std::vector<HdOocPTAov> _MakeAovs()
     };
 }
 
-// Ids as floats, for hosts that take images of floats alone: Hydra's name with this behind it.
-constexpr char _floatSuffix[] = "Float";
+// Ids as floats, for hosts that take images of floats alone, and Hydra's names.
+std::array<std::array<char const*, 2>, 3> const _floatIds
+    = { { { "primIdFloat", "primId" }, { "instanceIdFloat", "instanceId" }, { "elementIdFloat", "elementId" } } };
 
 // Before a light path expression.
 constexpr char _expressionPrefix[] = "lpe:";
@@ -227,9 +228,10 @@ HdOocPTAov const* HdOocPTFindAov(TfToken const& name)
     if (TfStringStartsWith(name.GetString(), _expressionPrefix)) {
         return _FindPart(name);
     }
-    auto const isNamed = [&name](HdOocPTAov const& a) {
-        return a.name == name || (a.format == HdFormatInt32 && a.name.GetString() + _floatSuffix == name.GetString());
-    };
+    auto const isFloat = [&name](std::array<char const*, 2> const& id) { return name == id[0]; };
+    auto const id = std::find_if(_floatIds.begin(), _floatIds.end(), isFloat);
+    TfToken const rendered = id == _floatIds.end() ? name : TfToken((*id)[1]);
+    auto const isNamed = [&rendered](HdOocPTAov const& a) { return a.name == rendered; };
     auto const found = std::find_if(aovs.begin(), aovs.end(), isNamed);
     return found == aovs.end() ? nullptr : &*found;
 }
