@@ -105,6 +105,12 @@ def render_both(name, samples):
     return answer
 
 
+def render_directly(name):
+    """Through Blender's other export, without a USD stage."""
+    bpy.context.scene.oocpt.export = "HYDRA"
+    return render(f"{name}_hydra")
+
+
 # ---- what is asked ----
 
 
@@ -117,14 +123,14 @@ def lamps():
     lamp("AREA", (0, 0, 6), 1500, shape="ELLIPSE", size=3.0, size_y=1.5, use_temperature=True, temperature=3000)
     lamp("AREA", (20, 0, 6), 1500, shape="RECTANGLE", size=3.0, size_y=0.5, exposure=0.5)
     lamp("POINT", (40, 0, 6), 3000, color=(0.2, 0.5, 1.0))
-    return render_both("lamps", 64)
+    return [render_both("lamps", 64), render_directly("lamps")]
 
 
 def sun():
     scene = empty(16, 8, sky=(0.1, 0.2, 0.4))
     plane(dull("Floor", (0.5, 0.5, 0.5)), size=200)
     lamp("SUN", (0, 0, 5), 3.0, angle=0.2).rotation_euler = (0.7, 0.2, 0)
-    return [render_both("sun", 64), scene.hydra.export_method]
+    return [render_both("sun", 64), scene.hydra.export_method, render_directly("sun")]
 
 
 def looks():

@@ -115,7 +115,7 @@ class OocPTRenderEngine(bpy.types.HydraRenderEngine):
         scene = depsgraph.scene_eval
         use = "VIEWPORT" if context else "PREVIEW" if self.is_preview else "FINAL"
         scene.hydra.export_method = scene.oocpt.viewport_export if context else scene.oocpt.export
-        with stage.exporting(depsgraph, scene.render.film_transparent):
+        with stage.exporting(depsgraph, scene.render.film_transparent), stage.lights_as_they_are(depsgraph):
             _bpy_hydra.engine_update(self.engine_ptr, depsgraph, context)
         report = "" if context else _report_file(self)
         for key, value in settings.for_hydra(scene, depsgraph.view_layer, use, report).items():

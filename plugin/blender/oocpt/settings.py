@@ -22,8 +22,8 @@ DENOISE = (
 )
 EXPORT = (
     ("USD", "USD", "Complete: lights, hair, packed textures and links as Blender has them. Instancing is kept"),
-    ("HYDRA", "Hydra", "Fast edits of large scenes, but spots have no cone, suns a quarter of their strength, and the "
-     "camera sees lights"),
+    ("HYDRA", "Hydra", "Fast where there are thousands of objects, but the camera sees lights, which reach everything, "
+     "and hair is left out"),
 )  # fmt: skip
 
 

@@ -35,6 +35,27 @@ def exporting(depsgraph, is_transparent):
         _exporting = None
 
 
+@contextlib.contextmanager
+def lights_as_they_are(depsgraph):
+    """What is exported to Hydra without a stage is corrected where it is read: in the scene of this frame, for as long
+    as it is read."""
+    lights = []
+    if depsgraph.scene_eval.hydra.export_method == "HYDRA":
+        lights = [one for one in depsgraph.ids if isinstance(one, bpy.types.Light) and one.type in {"SUN", "SPOT"}]
+    kept = [(one, one.energy, one.angle if one.type == "SUN" else one.spot_blend) for one in lights]
+    for one in lights:
+        if one.type == "SUN":
+            one.energy, one.angle = one.energy * SUN_STRENGTH, one.angle * SUN_ANGLE
+        else:
+            one.spot_blend = _softness(one)
+    try:
+        yield
+    finally:
+        for one, energy, value in kept:
+            one.energy = energy
+            setattr(one, "angle" if one.type == "SUN" else "spot_blend", value)
+
+
 class OocPTStageHook(bpy.types.USDHook):
     bl_idname = "oocpt_stage_hook"
     bl_label = "OocPT"
@@ -49,20 +70,36 @@ class OocPTStageHook(bpy.types.USDHook):
 
 
 def correct(stage, depsgraph, is_transparent):
-    prims = list(stage.TraverseAll())
+    prims = PrimsByType(stage)
     data = EvaluatedData(depsgraph)
-    for prim in prims:
-        if prim.GetTypeName() in LIGHT_TYPES:
-            _correct_light(prim, data)
-        elif prim.GetTypeName() == "DomeLight":
-            _correct_sky(prim, depsgraph.scene_eval.world)
+    lights = prims.of(*LIGHT_TYPES)
+    for prim in lights:
+        _correct_light(prim, data)
+    skies = prims.of("DomeLight")
+    for prim in skies:
+        _correct_sky(prim, depsgraph.scene_eval.world)
     if depsgraph.scene.oocpt.light_linking:
-        _link_lights(prims, data)
+        _link_lights(lights, prims, data)
     _dress_particles(prims, data)
     _color_bare(prims)
-    materials.correct(prims, data)
-    if not is_transparent and not any(_is_seen_as_sky(prim) for prim in prims):
+    materials.correct(prims.of("Shader", "DomeLight"), data)
+    if not is_transparent and not any(_is_seen_as_sky(prim) for prim in skies):
         _blacken(stage)
+
+
+class PrimsByType:
+    """The prims of a stage, which may have a transform for each of many instances."""
+
+    def __init__(self, stage):
+        self._tables = {}
+        for prim in stage.TraverseAll():
+            self._tables.setdefault(prim.GetTypeName(), []).append(prim)
+
+    def of(self, *types):
+        return [prim for one in types for prim in self._tables.get(one, ())]
+
+    def __iter__(self):
+        return (prim for table in self._tables.values() for prim in table)
 
 
 class EvaluatedData:
@@ -88,7 +125,7 @@ def text_of(prim, attribute):
 
 # ---- lights ----
 
-LIGHT_TYPES = {"SphereLight", "DistantLight", "RectLight", "DiskLight", "CylinderLight"}
+LIGHT_TYPES = ("SphereLight", "DistantLight", "RectLight", "DiskLight", "CylinderLight")
 
 
 def _correct_light(prim, data):
@@ -117,9 +154,15 @@ def _scale(attribute, factor):
 
 
 def _shape_cone(prim, light):
-    """Blender's spots fade over the cosine of the angle, USD's over the angle: the softness with as much light."""
     from pxr import UsdLux
 
+    shaping = UsdLux.ShapingAPI.Apply(prim)
+    shaping.CreateShapingConeAngleAttr(math.degrees(light.spot_size / 2))
+    shaping.CreateShapingConeSoftnessAttr(_softness(light))
+
+
+def _softness(light):
+    """Blender's spots fade over the cosine of the angle, USD's over the angle: the softness with as much light."""
     half = light.spot_size / 2
     edge = math.cos(half)
     wanted = (1 - edge) * (1 - light.spot_blend / 2)
@@ -127,9 +170,7 @@ def _shape_cone(prim, light):
     for _ in range(20):
         softness = (low + high) / 2
         low, high = (softness, high) if _light_in_cone(half, softness) > wanted else (low, softness)
-    shaping = UsdLux.ShapingAPI.Apply(prim)
-    shaping.CreateShapingConeAngleAttr(math.degrees(half))
-    shaping.CreateShapingConeSoftnessAttr(softness)
+    return softness
 
 
 def _light_in_cone(half, softness, steps=64):
@@ -157,7 +198,7 @@ def _correct_sky(prim, world):
 
 
 def _is_seen_as_sky(prim):
-    return prim.GetTypeName() == "DomeLight" and prim.GetAttribute("inputs:intensity").Get() != 0
+    return prim.GetAttribute("inputs:intensity").Get() != 0
 
 
 def _blacken(stage):
@@ -170,13 +211,11 @@ def _blacken(stage):
 # ---- light linking ----
 
 
-def _link_lights(prims, data):
+def _link_lights(lights, prims, data):
     from pxr import UsdLux
 
     paths = None
-    for prim in prims:
-        if prim.GetTypeName() not in LIGHT_TYPES:
-            continue
+    for prim in lights:
         owner = data.object_of(prim)
         linking = owner.light_linking if owner else None
         if linking is None or not (linking.receiver_collection or linking.blocker_collection):
@@ -223,9 +262,9 @@ def _dress_particles(prims, data):
     """The exporter writes hair of particles without widths and without material."""
     from pxr import UsdGeom, UsdShade
 
-    materials_at = {text_of(prim, DATA_NAME): prim for prim in prims if prim.GetTypeName() == "Material"}
-    for prim in prims:
-        if prim.GetTypeName() != "BasisCurves" or prim.GetAttribute("widths").HasAuthoredValue():
+    materials_at = {text_of(prim, DATA_NAME): prim for prim in prims.of("Material")}
+    for prim in prims.of("BasisCurves"):
+        if prim.GetAttribute("widths").HasAuthoredValue():
             continue
         owner = data.object_of(prim)
         systems = [one for one in getattr(owner, "particle_systems", ()) if one.settings.type == "HAIR"]
@@ -266,9 +305,7 @@ def _widths(counts, settings):
 def _color_bare(prims):
     from pxr import UsdGeom, UsdShade
 
-    for prim in prims:
-        if prim.GetTypeName() not in {"Mesh", "BasisCurves", "Points"}:
-            continue
+    for prim in prims.of("Mesh", "BasisCurves", "Points"):
         color = UsdGeom.Gprim(prim).GetDisplayColorAttr()
         if color.HasAuthoredValue() or UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()[0]:
             continue
