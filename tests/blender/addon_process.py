@@ -15,6 +15,7 @@ import subprocess
 import sys
 import threading
 import time
+import types
 
 blender, package, folder, *names = sys.argv[1:]
 sys.path.insert(0, blender)
@@ -286,6 +287,55 @@ def edits():
     answers.append(render("recoloured"))
     places[1].hide_render = True
     return [*answers, render("hidden")]
+
+
+# ---- what is set ----
+
+
+class RecordedLayout:
+    """Stands for Blender's layout, which only a window has: takes what panels put into it, and knows what exists."""
+
+    def __init__(self):
+        self.shown = set()
+
+    def prop(self, data, name, **_):
+        assert name in data.bl_rna.properties, f"{data} has no {name}"
+        self.shown.add(name)
+
+    def row(self, **_):
+        return self
+
+    column = row
+
+
+def panels():
+    """Draws each panel for each kind of light; what they show, and which of Blender's own hold for the engine."""
+    made = sys.modules["bl_ext.user_default.oocpt.panels"]
+    layout, scene = RecordedLayout(), empty(8, 8)
+    for kind in ("POINT", "SPOT", "SUN", "AREA"):
+        light = bpy.data.lights.new(kind, kind)
+        context = types.SimpleNamespace(scene=scene, view_layer=bpy.context.view_layer, light=light, engine="OOCPT")
+        for panel in made.CLASSES:
+            assert panel.poll(context)
+            panel.draw_rows(types.SimpleNamespace(_draw_shape=lambda *given: panel._draw_shape(None, *given)),
+                            layout, context)  # fmt: skip
+    everywhere = bpy.types.Panel.__subclasses__()
+    registered = {one.__name__ for one in everywhere if "OOCPT" in getattr(one, "COMPAT_ENGINES", ())}
+    ours = {one.identifier for one in scene.oocpt.bl_rna.properties} - {"rna_type", "name"}
+    return {"missing": sorted(ours - layout.shown), "shown": sorted(layout.shown), "panels": sorted(registered)}
+
+
+def chosen():
+    """What the delegate is given, for a picture and for a viewport."""
+    scene, made = empty(8, 8), sys.modules["bl_ext.user_default.oocpt.settings"]
+    scene.oocpt.samples, scene.oocpt.viewport_samples, scene.oocpt.time_limit = 100, 10, 60
+    scene.oocpt.seed, scene.oocpt.animate_seed, scene.oocpt.denoise = 5, True, "final"
+    scene.frame_set(7)
+    made.preferences().memory = 9000
+    layer = bpy.context.view_layer
+    given = {use: made.for_hydra(scene, layer, use, f"report of {use}") for use in ("FINAL", "VIEWPORT", "PREVIEW")}
+    made.preferences().memory = 0
+    return given
 
 
 # ---- what goes wrong ----

@@ -17,7 +17,7 @@ REPOSITORY = pathlib.Path(__file__).resolve().parents[2]
 PROGRAM = pathlib.Path(__file__).resolve().parent / "addon_process.py"
 # Largest difference of a region's mean from Cycles', and what both leave to noise where next to nothing is seen.
 SHARE, LEAST = 0.02, 0.002
-SCENES = ("lamps", "sun", "looks", "sky", "textures", "hair", "links", "film", "edits", "faults", "cancel", "starts")
+SCENES = ("panels", "chosen", "lamps", "sun", "looks", "sky", "textures", "hair", "links", "film", "edits", "faults", "cancel", "starts")
 
 
 @pytest.fixture(scope="module")
@@ -99,6 +99,34 @@ def test_blender_finds_no_fault_with_the_zip(package, blender):
     command = [os.environ["OOCPT_HOST_PYTHON"], "-I", judge, "validate", package]
     done = subprocess.run(command, capture_output=True, text=True, check=False, start_new_session=True)
     assert done.returncode == 0 and "Success" in done.stdout, done.stdout + done.stderr
+
+
+# ---- what is set ----
+
+
+def test_panels_show_every_setting_and_only_what_exists(played):
+    panels = played[1]["panels"]
+    assert panels["missing"] == []
+    shown = {"use_pass_z", "use_prim_id", "film_transparent", "viewport_memory", "spot_blend", "size_y", "angle"}
+    assert shown <= set(panels["shown"]), panels["shown"]
+    of_blender = {"RENDER_PT_format", "RENDER_PT_color_management", "EEVEE_MATERIAL_PT_surface", "DATA_PT_lens",
+                  "WORLD_PT_context_world", "EEVEE_WORLD_PT_surface", "DATA_PT_camera_dof", "OBJECT_PT_shading"}  # fmt: skip
+    assert of_blender <= set(panels["panels"]), panels["panels"]
+    assert not [name for name in panels["panels"] if "freestyle" in name or "simplify" in name]
+
+
+def test_the_delegate_is_given_what_is_chosen(played):
+    given = played[1]["chosen"]
+    final, viewport, preview = (given[use] for use in ("FINAL", "VIEWPORT", "PREVIEW"))
+    samples = [one["oocpt:samplesPerPixel"] for one in (final, viewport, preview)]
+    assert samples == [100, 10, 10]
+    assert final["oocpt:seed"] == 12 and final["oocpt:denoise"] == "final" and final["oocpt:timeLimit"] == 60
+    assert viewport["oocpt:timeLimit"] == 0 and viewport["oocpt:denoise"] == "off"
+    assert (final["oocpt:memoryBudget"], viewport["oocpt:memoryBudget"]) == (9000, 4096), "a viewport leaves room"
+    assert "oocpt:device" not in final, "what is not chosen is left to the environment"
+    assert viewport["enableInteractive"] and not final["enableInteractive"], "nobody looks on"
+    assert final["aovToken:Combined"] == "color" and not [key for key in viewport if key.startswith("aovToken")]
+    assert final["oocpt:report"] == "report of FINAL"
 
 
 # ---- pictures beside Cycles' ----

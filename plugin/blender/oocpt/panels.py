@@ -10,12 +10,12 @@ ENGINE = OocPTRenderEngine.bl_idname
 # Of the panels for every renderer: what OocPT has another panel for, or does not read.
 NOT_OURS = {
     "RENDER_PT_stamp", "DATA_PT_light", "DATA_PT_spot", "NODE_DATA_PT_light", "DATA_PT_falloff_curve",
-    "RENDER_PT_simplify", "RENDER_PT_freestyle", "SCENE_PT_audio", "VIEWLAYER_PT_freestyle",
-    "VIEWLAYER_PT_freestyle_edge_detection", "VIEWLAYER_PT_freestyle_style_modules",
+    "SCENE_PT_audio",
 }  # fmt: skip
-# Of Eevee's panels: the nodes of materials and worlds, which are the same for all renderers.
-OF_NODES = {
+# Of Eevee's panels: nodes of materials and worlds, and lenses, which are the same for all renderers.
+FROM_EEVEE = {
     "MATERIAL_PT_preview", "EEVEE_MATERIAL_PT_context_material", "EEVEE_MATERIAL_PT_surface", "EEVEE_WORLD_PT_surface",
+    "DATA_PT_camera_dof", "DATA_PT_camera_dof_aperture",
 }  # fmt: skip
 
 
@@ -183,7 +183,9 @@ def _of_blender():
     for panel in bpy.types.Panel.__subclasses__():
         engines = getattr(panel, "COMPAT_ENGINES", ())
         is_for_all = "BLENDER_RENDER" in engines and panel.__name__ not in NOT_OURS
-        if is_for_all or "BLENDER_EEVEE" in engines and panel.__name__ in OF_NODES:
+        # Simpler meshes, which the export knows nothing of; lines drawn on top, by a renderer of their own.
+        is_for_all = is_for_all and not any(word in panel.__name__ for word in ("simplify", "freestyle"))
+        if is_for_all or "BLENDER_EEVEE" in engines and panel.__name__ in FROM_EEVEE:
             yield panel
 
 
