@@ -314,6 +314,8 @@ def panels():
     layout, scene = RecordedLayout(), empty(8, 8)
     for kind in ("POINT", "SPOT", "SUN", "AREA"):
         light = bpy.data.lights.new(kind, kind)
+        if kind == "AREA":
+            light.shape = "ELLIPSE"
         context = types.SimpleNamespace(scene=scene, view_layer=bpy.context.view_layer, light=light, engine="OOCPT")
         for panel in made.CLASSES:
             assert panel.poll(context)

@@ -17,7 +17,8 @@ REPOSITORY = pathlib.Path(__file__).resolve().parents[2]
 PROGRAM = pathlib.Path(__file__).resolve().parent / "addon_process.py"
 # Largest difference of a region's mean from Cycles', and what both leave to noise where next to nothing is seen.
 SHARE, LEAST = 0.02, 0.002
-SCENES = ("panels", "chosen", "lamps", "sun", "looks", "sky", "textures", "hair", "links", "film", "edits", "faults", "cancel", "starts")
+SCENES = ("panels", "chosen", "lamps", "sun", "looks", "sky", "textures", "hair", "links", "film", "edits", "faults",
+          "cancel", "starts")  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -110,7 +111,8 @@ def test_panels_show_every_setting_and_only_what_exists(played):
     shown = {"use_pass_z", "use_prim_id", "film_transparent", "viewport_memory", "spot_blend", "size_y", "angle"}
     assert shown <= set(panels["shown"]), panels["shown"]
     of_blender = {"RENDER_PT_format", "RENDER_PT_color_management", "EEVEE_MATERIAL_PT_surface", "DATA_PT_lens",
-                  "WORLD_PT_context_world", "EEVEE_WORLD_PT_surface", "DATA_PT_camera_dof", "OBJECT_PT_shading"}  # fmt: skip
+                  "WORLD_PT_context_world", "EEVEE_WORLD_PT_surface", "DATA_PT_camera_dof",
+                  "OBJECT_PT_shading"}  # fmt: skip
     assert of_blender <= set(panels["panels"]), panels["panels"]
     assert not [name for name in panels["panels"] if "freestyle" in name or "simplify" in name]
 
