@@ -23,7 +23,7 @@ DENOISE = (
 EXPORT = (
     ("USD", "USD", "Complete: lights, hair, packed textures and links as Blender has them. Instancing is kept"),
     ("HYDRA", "Hydra", "Fast where there are thousands of objects, but the camera sees lights, which reach everything, "
-     "and hair is left out"),
+     "and panoramas are turned and have no strength"),
 )  # fmt: skip
 
 
@@ -61,7 +61,7 @@ class OocPTSceneSettings(bpy.types.PropertyGroup):
     filter_width: FloatProperty(name="Width", description="Full width in pixels; 0 is the usual one of the filter",
                                 default=0.0, min=0.0, max=64.0)
     dicing_rate: FloatProperty(name="Dicing Rate", default=2.0, min=0.0, max=1e6, soft_min=0.5, soft_max=16.0,
-                               description="Longest edge of subdivision surfaces in pixels")
+                               description="How finely curves are cut, in pixels; Blender itself subdivides surfaces")
 
     light_linking: BoolProperty(name="Light Linking", default=True,
                                 description="Lights reach what their light linking names; off: everything")
