@@ -5,9 +5,8 @@
 #ifndef OOCPT_PLACE_INSTANCE_GLSL
 #define OOCPT_PLACE_INSTANCE_GLSL
 
-#include "abi/memory.glsl"
+#include "scene/held_chunks.glsl"
 
-layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer ChunkMembers { GpuChunkMember v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer ConstDoubles { double v[]; };
 
 // Rounding of the record and of its evaluation (MATRIX_ERROR), what counts as singular, the largest number of a record

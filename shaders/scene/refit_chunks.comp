@@ -1,22 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
-// Live views only. Places the records of held chunks from the arrays of their instancers, and refits the trees over
-// them: nodes keep their children, and get bounds from the leaves up, as rust/core/src/mesh/level_shape.rs gives them
-// (Wald, Boulos, Shirley 2007). A workgroup for each chunk, from chunk push.count on. It lists the nodes level by level
-// on the way down, and bounds them level by level on the way up: a node is written by one thread, after its children.
-// Of a chunk that it has placed before, it places the records below nodes in which some element has changed.
-// Reads: push.source, members and places of each chunk, arrays of instancers and what changed in them, children of
-// nodes. Writes: maps of records, bounds of nodes, push.target. Reads and writes: boxes, order, levels.
+// Live views only. Refits the trees over the records of held chunks that place_records has placed: nodes keep their
+// children, and get bounds from the leaves up, as rust/core/src/mesh/level_shape.rs gives them (Wald, Boulos, Shirley
+// 2007). A workgroup for each chunk, from chunk push.count on. It lists the nodes level by level on the way down, and
+// bounds them level by level on the way up: a node is written by one thread, after its children. Of a chunk that it has
+// refitted before it bounds the nodes with changed records below them.
+// Reads: push.source, members and places of each chunk, what changed in arrays of instancers, boxes of records,
+// children of nodes. Writes: bounds of nodes, push.target. Reads and writes: boxes of nodes, order, levels.
 #version 460
 #extension GL_GOOGLE_include_directive : require
-#include "scene/place_instance.glsl"
+#include "scene/held_chunks.glsl"
 
 layout(local_size_x = REFIT_THREADS) in;
 layout(push_constant, scalar) uniform PushBlock { PlacingPush push; };
 
-layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer HeldChunks { GpuHeldChunk v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 8) buffer RefittedChunks { GpuRefittedChunk v[]; };
-layout(buffer_reference, scalar, buffer_reference_align = 16) buffer PlacedRecords { GpuInstance v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) buffer TreeNodes { LevelNode v[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer RecordBoxes { float v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) coherent buffer NodeBoxes { float v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) coherent buffer NodeOrder { uint v[]; };
 
@@ -89,19 +88,6 @@ void keep_levels(GpuHeldChunk chunk, uint count) {
     if (thread == 0u) levels.v[0] = count;
 }
 
-bool is_changed(GpuHeldChunk chunk, uint record) {
-    if (record >= chunk.record_count) return false;
-    const uvec2 place = ConstUVec2s(chunk.places).v[record];
-    ChunkMembers members = ChunkMembers(chunk.members);
-    for (uint k = 0u; k < 4u; ++k) {
-        const uint64_t changed = members.v[place.x].changed[k];
-        if (changed == 0ul || place.y >= members.v[place.x].count) continue;
-        if (changed == uint64_t(ALL_CHANGED)) return true;
-        if ((ConstUints(changed).v[place.y / 32u] >> (place.y % 32u) & 1u) != 0u) return true;
-    }
-    return false;
-}
-
 // Whether something has changed below a node whose children were looked at; notes it for the level above.
 bool has_changed(GpuHeldChunk chunk, uint node) {
     TreeNodes nodes = TreeNodes(chunk.nodes);
@@ -110,7 +96,8 @@ bool has_changed(GpuHeldChunk chunk, uint node) {
         const uint child = nodes.v[node].child[k];
         if (child == ABSENT) continue;
         if ((child & LEAF) != 0u) {
-            changed = is_changed(chunk, child & ~LEAF);
+            const uint record = child & ~LEAF;
+            changed = record < chunk.record_count && is_changed(chunk, record);
         } else if (child < chunk.node_count) {
             changed = (changed_nodes[child / 32u] >> (child % 32u) & 1u) != 0u;
         }
@@ -168,29 +155,16 @@ void write_bounds(TreeNodes nodes, uint node, vec3 lower[4], vec3 upper[4], vec3
     nodes.v[node].cell = cell;
 }
 
-// Places a record; its box, which is empty if it is not usable.
-void place_record(GpuHeldChunk chunk, uint record, out vec3 lower, out vec3 upper) {
+// The box of a record, which is empty if it is not usable.
+void record_box(GpuHeldChunk chunk, uint record, out vec3 lower, out vec3 upper) {
     lower = NOWHERE;
     upper = -NOWHERE;
     if (record >= chunk.record_count) return;
-    const uvec2 place = ConstUVec2s(chunk.places).v[record];
-    PlacedRecords records = PlacedRecords(chunk.records);
-    PlacedInstance placed;
-    const bool is_usable = place_instance(ChunkMembers(chunk.members).v[place.x], place.y, placed);
-    if (is_usable) {
-        lower = placed.lower;
-        upper = placed.upper;
-    } else {
-        const vec4 far = vec4(0.0, 0.0, 0.0, 1e30);
-        placed.rows = vec4[3](far, far, far);
-        placed.flips = false;
-        atomicAdd(unusable, 1u);
-    }
-    for (uint k = 0u; k < 3u; ++k) {
-        for (uint at = 0u; at < 4u; ++at) records.v[record].object_from_parent[k][at] = placed.rows[k][at];
-    }
-    const uint count = records.v[record].prototype_count & ~FLIPS_HANDEDNESS;
-    records.v[record].prototype_count = placed.flips ? count | FLIPS_HANDEDNESS : count;
+    RecordBoxes boxes = RecordBoxes(chunk.record_boxes);
+    const uint at = 6u * record;
+    lower = vec3(boxes.v[at], boxes.v[at + 1u], boxes.v[at + 2u]);
+    upper = vec3(boxes.v[at + 3u], boxes.v[at + 4u], boxes.v[at + 5u]);
+    if (any(greaterThan(lower, upper))) atomicAdd(unusable, 1u);
 }
 
 double half_surface(vec3 lower, vec3 upper) {
@@ -211,7 +185,7 @@ double bound_node(GpuHeldChunk chunk, uint node) {
         const uint child = nodes.v[node].child[k];
         if (child == ABSENT) continue;
         if ((child & LEAF) != 0u) {
-            place_record(chunk, child & ~LEAF, lower[k], upper[k]);
+            record_box(chunk, child & ~LEAF, lower[k], upper[k]);
         } else if (child < chunk.node_count) {
             const uint at = 6u * child;
             lower[k] = vec3(boxes.v[at], boxes.v[at + 1u], boxes.v[at + 2u]);

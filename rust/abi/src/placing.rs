@@ -67,6 +67,8 @@ shared! {
         pub places: u64,
         /// [`GpuChunkMember`] array.
         pub members: u64,
+        /// Six floats for each record: its box, empty if it is not usable.
+        pub record_boxes: u64,
         /// Six floats for each node: the box of all below it.
         pub boxes: u64,
         /// Numbers of the nodes, level by level from the root.
@@ -77,7 +79,7 @@ shared! {
         pub record_count: u32,
         /// Nodes.
         pub node_count: u32,
-        /// 1 if records, boxes, order and levels are those of the last pass, so that only what
+        /// 1 if records, boxes, order and levels are those of the last passes, so that only what
         /// [`GpuChunkMember::changed`] names has to be placed; else 0.
         pub is_known: u32,
         /// Padding; 0.
@@ -106,11 +108,13 @@ shared! {
     /// Push constants of the passes of `shaders/scene`, 32 B.
     #[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
     pub struct PlacingPush {
-        /// `refit_chunks`: [`GpuHeldChunk`] array. `scatter_words`: of each changed element its number, then its words.
+        /// `place_records`, `refit_chunks`: [`GpuHeldChunk`] array. `scatter_words`: of each changed element its
+        /// number, then its words.
         pub source: u64,
         /// `refit_chunks`: [`GpuRefittedChunk`] array. `scatter_words`: the array that is changed.
         pub target: u64,
-        /// `refit_chunks`: the chunk of the first workgroup. `scatter_words`: number of changed elements.
+        /// `place_records`, `refit_chunks`: the chunk of the first workgroup. `scatter_words`: number of changed
+        /// elements.
         pub count: u32,
         /// `scatter_words`: words of an element.
         pub words: u32,

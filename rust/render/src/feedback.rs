@@ -34,6 +34,11 @@ pub(crate) struct FeedbackBuffers {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct FeedbackCopy(usize);
 
+/// Bytes of a bit for each tile.
+fn requested_bytes(tiles: usize) -> u64 {
+    (tiles.div_ceil(32) as u64 * 4).max(16)
+}
+
 impl FeedbackBuffers {
     /// Allocates the buffers for a scene of `tiles` tiles and paths whose flags are at `incomplete_paths`.
     pub(crate) fn new(gpu: &Arc<Gpu>, tiles: usize, incomplete_paths: u64) -> Result<Self, GpuError> {
@@ -48,12 +53,17 @@ impl FeedbackBuffers {
         };
         Ok(Self {
             block: device("texture feedback", size_of::<TextureFeedback>() as u64)?,
-            requested: device("requested tiles", (tiles.div_ceil(32) as u64 * 4).max(16))?,
+            requested: device("requested tiles", requested_bytes(tiles))?,
             wanted: device("wanted tiles", u64::from(MAX_REQUESTED_TILES) * 4)?,
             copies: (0..COPIES).map(readback).collect::<Result<_, _>>()?,
             next: AtomicUsize::new(0),
             incomplete_paths,
         })
+    }
+
+    /// Whether they are for a scene of so many tiles, and for these flags of paths.
+    pub(crate) fn are_of(&self, tiles: usize, incomplete_paths: u64) -> bool {
+        self.requested.size() == requested_bytes(tiles) && self.incomplete_paths == incomplete_paths
     }
 
     /// Address of the block, for `FrameConstants::texture_feedback`.

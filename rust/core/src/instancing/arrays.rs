@@ -20,6 +20,30 @@ pub(crate) struct InstanceArrays {
     pub(crate) motion: Option<Arc<ArrayMotion>>,
     /// Instances that differ from the previous arrays, once they were asked for.
     pub(crate) changes: OnceLock<(Weak<Self>, Option<Arc<ChangedNumbers>>)>,
+    /// The arrays that these were compared with, by [`TypedArray::identity`], and what differs from them.
+    compared: OnceLock<ArrayChanges>,
+}
+
+/// What differs between the arrays of an instancer and earlier ones, as a commit found it.
+#[derive(Clone, Debug)]
+pub struct ArrayChanges {
+    before: [Option<(usize, usize)>; 4],
+    numbers: Arc<ChangedNumbers>,
+}
+
+impl ArrayChanges {
+    /// Whether they are those of array `at` (0 translations, 1 rotations, 2 scales, 3 transforms) from `old`, which
+    /// must have been alive since before these arrays were committed.
+    #[must_use]
+    pub fn are_since(&self, at: usize, old: &TypedArray) -> bool {
+        self.before.get(at).is_some_and(|before| *before == Some(old.identity()))
+    }
+
+    /// The elements that may differ, in order; `None` if they are more than `most`.
+    #[must_use]
+    pub fn listed(&self, most: usize) -> Option<Vec<usize>> {
+        self.numbers.listed(most)
+    }
 }
 
 impl InstanceArrays {
@@ -34,6 +58,7 @@ impl InstanceArrays {
             transforms: present(&desc.transforms),
             motion: None,
             changes: OnceLock::new(),
+            compared: OnceLock::new(),
         }
     }
 
@@ -45,6 +70,10 @@ impl InstanceArrays {
         if new.changes.get().is_none() {
             let changes = Self::compared(old, new).map(Arc::new);
             // Another thread may have been faster, with the same result.
+            if let Some(numbers) = &changes {
+                let before = old.transforming().map(|array| array.map(TypedArray::identity));
+                drop(new.compared.set(ArrayChanges { before, numbers: Arc::clone(numbers) }));
+            }
             drop(new.changes.set((Arc::downgrade(old), changes)));
         }
         let (from, changes) = new.changes.get()?;
@@ -73,6 +102,11 @@ impl InstanceArrays {
         let types = |arrays: &Self| arrays.transforming().map(|array| array.map(TypedArray::element));
         let is_alike = types(self) == types(other) && self.len() == other.len();
         is_alike && TypedArray::same_optional(self.mask.as_ref(), other.mask.as_ref())
+    }
+
+    /// What differs from the arrays before, if that was asked for and could be told.
+    pub(crate) fn known_changes(&self) -> Option<&ArrayChanges> {
+        self.compared.get()
     }
 
     /// The arrays that place instances: translations, rotations, scales, transforms.

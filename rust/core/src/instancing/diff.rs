@@ -70,7 +70,12 @@ impl ChangedNumbers {
 
     /// The instances, in order, if they are few and both sides have them.
     pub(crate) fn few(&self) -> Option<Vec<usize>> {
-        if self.len > FEW || self.tail != usize::MAX {
+        self.listed(FEW)
+    }
+
+    /// The instances, in order, if they are no more than `most` and both sides have them.
+    pub(crate) fn listed(&self, most: usize) -> Option<Vec<usize>> {
+        if self.len > most || self.tail != usize::MAX {
             return None;
         }
         let words = self.bits.iter().enumerate().filter(|(_, word)| **word != 0);

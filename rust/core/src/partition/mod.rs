@@ -37,6 +37,7 @@ use std::sync::Arc;
 use glam::DVec3;
 use rayon::prelude::*;
 
+pub use crate::instancing::arrays::ArrayChanges;
 pub(crate) use buckets::OrderBuckets;
 pub use chunk::Chunk;
 pub use hold::HELD_FROM;

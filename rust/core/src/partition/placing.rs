@@ -6,6 +6,7 @@ use glam::{DAffine3, DVec3};
 
 use super::chunk::Chunk;
 use crate::array::TypedArray;
+use crate::instancing::arrays::ArrayChanges;
 use crate::instancing::run::RunSpec;
 
 /// Most members of a chunk that [`Chunk::placing`] describes: each is described in each of its chunks.
@@ -27,6 +28,8 @@ pub struct MemberPlacing {
     pub half: [f64; 3],
     /// Arrays of the instancer, if there is one; absent ones are `None`.
     pub arrays: Option<[Option<TypedArray>; 4]>,
+    /// What differs in these arrays from those that the commit before had, if it was looked at.
+    pub changes: Option<ArrayChanges>,
     /// Instances that all of these arrays have.
     pub count: usize,
 }
@@ -42,6 +45,7 @@ impl MemberPlacing {
             center: (0.5 * (min + max)).to_array(),
             half: (0.5 * (max - min)).to_array(),
             arrays: arrays.map(|arrays| arrays.transforming().map(|array| array.cloned())),
+            changes: arrays.and_then(|arrays| arrays.known_changes().cloned()),
             count: arrays.map_or(1, |arrays| arrays.len()),
         }
     }

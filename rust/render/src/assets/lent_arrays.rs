@@ -9,6 +9,7 @@ use crate::device::Device;
 use crate::error::RenderError;
 use oocpt_abi::ALL_CHANGED;
 use oocpt_core::array::TypedArray;
+use oocpt_core::partition::{ArrayChanges, MemberPlacing};
 use oocpt_gpu::HeapRange;
 use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHashSet};
@@ -77,12 +78,38 @@ impl<'a> SentBytes<'a> {
 pub(super) struct ArrayList {
     arrays: Vec<TypedArray>,
     known: FxHashSet<(usize, usize)>,
+    /// By the identity of an array which one it is of an instancer, and what the commit found to differ in these.
+    changes: FxHashMap<(usize, usize), (usize, ArrayChanges)>,
 }
 
 impl ArrayList {
     pub(super) fn add<'a>(&mut self, arrays: impl Iterator<Item = &'a TypedArray>) {
         let new = arrays.filter(|array| self.known.insert(array.identity()));
         self.arrays.extend(new.cloned());
+    }
+
+    /// Adds the arrays of a member, with what is known to differ in them.
+    pub(super) fn add_member(&mut self, member: &MemberPlacing) {
+        let arrays = member.arrays.iter().flatten().enumerate();
+        for (at, array) in arrays.filter_map(|(at, array)| Some((at, array.as_ref()?))) {
+            if self.known.insert(array.identity()) {
+                self.arrays.push(array.clone());
+                let changes = member.changes.as_ref().map(|changes| (array.identity(), (at, changes.clone())));
+                self.changes.extend(changes);
+            }
+        }
+    }
+
+    /// Number and words of each element of `array` that differs from `old`; `None` if these are many.
+    fn changed(&self, old: &TypedArray, array: &TypedArray) -> Option<Vec<u32>> {
+        let size = array.element().size();
+        let [before, after] = [old, array].map(|array| array.view());
+        let (before, after) = (before.bytes(), after.bytes());
+        let known = self.changes.get(&array.identity());
+        match known.filter(|(at, changes)| changes.are_since(*at, old)) {
+            Some((_, changes)) => Some(among(&changes.listed(array.len() / FEW)?, before, after, size)),
+            None => changed(before, after, size),
+        }
     }
 }
 
@@ -147,7 +174,7 @@ impl LentArrays {
             let fits = |known: &LentArray| known.array.element() == array.element() && known.array.len() == array.len();
             let (memory, changed) = match stale.iter().position(fits).map(|at| stale.remove(at)) {
                 Some(LentArray { array: old, memory, .. }) => {
-                    let changed = match changed(old.view().bytes(), array.view().bytes(), array.element().size()) {
+                    let changed = match wanted.changed(&old, array) {
                         Some(entries) if entries.is_empty() => 0,
                         Some(entries) => {
                             let words = ScatteredWords::new(sent, &memory, array, &entries)?;
@@ -200,6 +227,19 @@ impl ScatteredWords {
     }
 }
 
+/// Number and words of those of the elements `numbers` that differ.
+fn among(numbers: &[usize], old: &[u8], new: &[u8], size: usize) -> Vec<u32> {
+    let mut entries = Vec::with_capacity(numbers.len() * (size / 4 + 1));
+    for &number in numbers {
+        let [old, new] = [old, new].map(|bytes| bytes.get(number * size..(number + 1) * size));
+        if let Some(new) = new.filter(|_| old != new) {
+            entries.push(u32::try_from(number).unwrap_or(u32::MAX));
+            entries.extend(new.chunks_exact(4).map(bytemuck::pod_read_unaligned::<u32>));
+        }
+    }
+    entries
+}
+
 /// Number and words of each element of `size` bytes, a multiple of 4, that differs; `None` if these are many.
 fn changed(old: &[u8], new: &[u8], size: usize) -> Option<Vec<u32>> {
     let most = new.len() / size / FEW;
@@ -238,6 +278,8 @@ mod tests {
         assert_eq!(listed, [0, 7, BLOCK, 3 * BLOCK - 1].map(|at| u32::try_from(at).expect("small")));
         let words: Vec<u8> = entries[1..4].iter().flat_map(|word| word.to_ne_bytes()).collect();
         assert_eq!(words, new[..12], "with its words");
+        let known = [0, 3, 7, BLOCK, BLOCK + 1, 3 * BLOCK - 1, 3 * BLOCK];
+        assert_eq!(among(&known, &old, &new, 12), entries, "of those that are known to differ, at most");
         new.iter_mut().step_by(12 * FEW).for_each(|byte| *byte = byte.wrapping_add(1));
         assert!(changed(&old, &new, 12).is_none(), "more than an eighth");
     }

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Places the records of held chunks on the device: the arrays of their instancers lie there as the host lends them, a
-//! pass makes the records of chunks that moved from them and refits the trees (`shaders/scene/refit_chunks.comp`). So
-//! an edit sends the elements that changed, and neither records nor nodes. Of a chunk that was placed with the edit
-//! before, the pass places what these elements name.
+//! pass makes the records of chunks that moved from them (`shaders/scene/place_records.comp`), another one refits the
+//! trees (`refit_chunks.comp`). So an edit sends the elements that changed, and neither records nor nodes; of a chunk
+//! that was placed with the edit before, the passes place and bound what these elements name.
 //!
-//! The arrays, member and number of each record, and boxes of nodes are in the device's budget; where there is no room for them, or
-//! the device has no double precision, the host encodes chunks. Render thread only.
+//! The arrays, member and number of each record, and boxes of records and nodes are in the device's budget; where there
+//! is no room for them, or the device has no double precision, the host encodes chunks. Render thread only.
 
 use super::copied::CopiedAssets;
 use super::lent_arrays::{ArrayList, LentArrays, ScatteredWords, SentBytes};
@@ -28,8 +28,10 @@ use std::collections::hash_map::Entry;
 use std::sync::{Arc, Weak};
 use xxhash_rust::xxh3::xxh3_128;
 
+/// Bytes of the box of a record or a node.
+const BOX_BYTES: u64 = 24;
 /// Bytes of a node that are kept beside it: its box, and a place in the order of the nodes.
-const NODE_BYTES: u64 = 24 + 4;
+const NODE_BYTES: u64 = BOX_BYTES + 4;
 /// Bytes of the levels of a tree.
 const LEVEL_BYTES: u64 = (REFIT_LEVELS as u64 + 2) * 4;
 /// Most workgroups of a dispatch.
@@ -46,7 +48,7 @@ const IDENTITY: [f64; 12] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0
 struct PlacedShape {
     /// Member and number of each record.
     places: HeapRange,
-    /// Boxes of nodes, their order, and their levels.
+    /// Boxes of records and nodes, the order of nodes, and their levels.
     tree: HeapRange,
     /// Half the surface of all nodes of its tree when it was placed first.
     area: Option<f64>,
@@ -123,7 +125,7 @@ impl DevicePlacing {
         (moved, live): (&[MovedChunk<'_>], &ArrayList),
     ) -> Result<(CommandList, Buffer, u64), RenderError> {
         let mut wanted = ArrayList::default();
-        moved.iter().for_each(|moved| wanted.add(arrays_of(&moved.members)));
+        moved.iter().flat_map(|moved| &moved.members).for_each(|member| wanted.add_member(member));
         let (mut sent, mut scattered) = (SentBytes::new(device)?, Vec::new());
         self.arrays.bring([&wanted, live], &mut sent, &mut scattered)?;
         self.round += 1;
@@ -133,7 +135,7 @@ impl DevicePlacing {
                 let mut places: Vec<[u32; 2]> = Vec::with_capacity(chunk.len());
                 chunk.each_place(|member, number| places.push([member, number]));
                 let places = sent.range("places of records", bytemuck::cast_slice(&places))?;
-                let tree_bytes = nodes_of(moved) * NODE_BYTES + LEVEL_BYTES;
+                let tree_bytes = chunk.len() as u64 * BOX_BYTES + nodes_of(moved) * NODE_BYTES + LEVEL_BYTES;
                 let tree = device.heap.alloc("bounds of nodes", tree_bytes, 256)?;
                 shape.insert(PlacedShape { places, tree, area: None, last: None });
             }
@@ -153,13 +155,17 @@ impl DevicePlacing {
             commands.keep(range);
         }
         scatter(device, &mut commands, &scattered)?;
-        let pass = device.pipeline(&scene::SCENE_REFIT_CHUNKS, plain())?;
+        let place = device.pipeline(&scene::SCENE_PLACE_RECORDS, plain())?;
+        let refit = device.pipeline(&scene::SCENE_REFIT_CHUNKS, plain())?;
         let mut first = 0;
         for batch in moved.chunks(MAX_GROUPS) {
             let count = u32::try_from(batch.len()).unwrap_or(0);
             let [source, target] = [chunks.address(), results.address()];
             let push = PlacingPush { source, target, count: first, words: 0, changed: 0 };
-            commands.dispatch(&pass, bytemuck::bytes_of(&push), [count, 1, 1]);
+            let longest = batch.iter().map(|moved| moved.chunk.len() as u64).max().unwrap_or(0);
+            let [across, ..] = groups(longest);
+            commands.dispatch(&place, bytemuck::bytes_of(&push), [across, count, 1]);
+            commands.dispatch(&refit, bytemuck::bytes_of(&push), [count, 1, 1]);
             first += count;
         }
         commands.copy(&results, 0, &read, 0, result_bytes);
@@ -179,14 +185,16 @@ impl DevicePlacing {
                 last.round + 1 == round && is_there && last.members == described
             });
             let (records, nodes) = (moved.memory.address(), nodes_of(moved));
+            let boxes = shape.tree.address() + moved.chunk.len() as u64 * BOX_BYTES;
             chunks.push(GpuHeldChunk {
                 records,
                 nodes: records + AssetSource::Chunk(Arc::clone(moved.chunk)).nodes_at(),
                 places: shape.places.address(),
                 members: members.address() + first_member * size_of::<GpuChunkMember>() as u64,
-                boxes: shape.tree.address(),
-                order: shape.tree.address() + 24 * nodes,
-                levels: shape.tree.address() + NODE_BYTES * nodes,
+                record_boxes: shape.tree.address(),
+                boxes,
+                order: boxes + BOX_BYTES * nodes,
+                levels: boxes + NODE_BYTES * nodes,
                 // A chunk with more is rejected before it is loaded.
                 record_count: u32::try_from(moved.chunk.len()).unwrap_or(0),
                 node_count: u32::try_from(nodes).unwrap_or(0),

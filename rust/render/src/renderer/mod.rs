@@ -87,6 +87,8 @@ pub(crate) struct Renderer {
     device: Option<Arc<Device>>,
     scene: SceneCache,
     waves: Option<PathBuffers>,
+    /// Where waves of a scene in core say what tiles they lack.
+    feedback: Option<FeedbackBuffers>,
     stream: Option<StreamBuffers>,
     ahead: BackgroundCompile,
     film: Option<Film>,
@@ -529,7 +531,14 @@ impl Renderer {
         };
         let tiles = scene.assets.textures.tile_count();
         let feedback = paths.incomplete_paths();
-        let feedback = feedback.map(|paths| FeedbackBuffers::new(&device.gpu, tiles, paths.address())).transpose()?;
+        let known = self.feedback.take();
+        let feedback = match feedback.map(|paths| paths.address()) {
+            Some(paths) => match known.filter(|known| known.are_of(tiles, paths)) {
+                Some(known) => Some(known),
+                None => Some(FeedbackBuffers::new(&device.gpu, tiles, paths)?),
+            },
+            None => None,
+        };
         let mut listed = RenderInventory::default();
         scene.list(&mut listed, true);
         paths.list(&mut listed);
@@ -543,7 +552,9 @@ impl Renderer {
             tracer.traces_into(feedback.written().into_iter().chain([incomplete_paths]).collect());
         }
         let tiles = FrameTiles { scene, cap: geometry_cap(context.job), feedback: feedback.as_ref() };
-        engine::render(&mut WaveSource::new(tracer, tiles, feedback.as_ref(), first), gate, progress).map(|_| ())
+        let done = engine::render(&mut WaveSource::new(tracer, tiles, feedback.as_ref(), first), gate, progress);
+        self.feedback = feedback;
+        done.map(|_| ())
     }
 
     fn open(&mut self, job: &RenderJob) -> Result<Arc<Device>, RenderError> {

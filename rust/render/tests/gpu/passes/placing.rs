@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! `refit_chunks` makes the records that the host makes, and the trees that the host refits, bit for bit, and drops
+//! `place_records` makes the records that the host makes, `refit_chunks` the trees that the host refits, bit for bit, and drops
 //! what the host drops; `scatter_words` changes what it is told and nothing else.
 
 use super::handmade_scene::Random;
@@ -188,7 +188,8 @@ struct ResidentChunk<'a> {
 
 impl<'a> ResidentChunk<'a> {
     fn new(gpu: &'a Arc<Gpu>, records: &[u8], nodes: &[LevelNode]) -> Self {
-        let tree_bytes = 28 * nodes.len() as u64 + 4 * u64::from(REFIT_LEVELS + 2);
+        let boxes = 24 * (records.len() / 64) as u64;
+        let tree_bytes = boxes + 28 * nodes.len() as u64 + 4 * u64::from(REFIT_LEVELS + 2);
         let tree = Buffer::new(gpu, "tree", tree_bytes, BufferUsage::Device).expect("small");
         let nodes = upload(gpu, bytemuck::cast_slice(nodes));
         Self { gpu, records: upload(gpu, records), nodes, tree, is_known: false }
@@ -211,15 +212,16 @@ impl<'a> ResidentChunk<'a> {
         chunk.each_place(|member, number| places.push([member, number]));
         let [members, places] =
             [bytemuck::cast_slice(&described), bytemuck::cast_slice(&places)].map(|bytes: &[u8]| upload(gpu, bytes));
-        let node_count = self.nodes.size() / 64;
+        let (node_count, boxes) = (self.nodes.size() / 64, self.tree.address() + 24 * (self.records.size() / 64));
         let held = GpuHeldChunk {
             records: self.records.address(),
             nodes: self.nodes.address(),
             places: places.address(),
             members: members.address(),
-            boxes: self.tree.address(),
-            order: self.tree.address() + 24 * node_count,
-            levels: self.tree.address() + 28 * node_count,
+            record_boxes: self.tree.address(),
+            boxes,
+            order: boxes + 24 * node_count,
+            levels: boxes + 28 * node_count,
             record_count: u32::try_from(chunk.len()).expect("few"),
             node_count: u32::try_from(node_count).expect("few"),
             is_known: u32::from(std::mem::replace(&mut self.is_known, true)),
@@ -232,6 +234,8 @@ impl<'a> ResidentChunk<'a> {
         let back = [read(self.records.size()), read(self.nodes.size()), read(result.size())];
         let push = PlacingPush { source: held.address(), target: result.address(), count: 0, words: 0, changed: 0 };
         let copies = [(&self.records, &back[0]), (&self.nodes, &back[1]), (&result, &back[2])];
+        // Fewer threads than records: each places several.
+        run(gpu, &scene::SCENE_PLACE_RECORDS, push, [2, 1, 1], &[]);
         run(gpu, &scene::SCENE_REFIT_CHUNKS, push, [1, 1, 1], &copies);
         let mut records = vec![0; usize::try_from(back[0].size()).expect("small")];
         let mut nodes = vec![LevelNode::zeroed(); usize::try_from(node_count).expect("few")];
