@@ -183,6 +183,10 @@ std::vector<HdOocPTAov> _MakeAovs()
     };
 }
 
+// Ids as floats, for hosts that take images of floats alone, and Hydra's names.
+std::array<std::array<char const*, 2>, 3> const _floatIds
+    = { { { "primIdFloat", "primId" }, { "instanceIdFloat", "instanceId" }, { "elementIdFloat", "elementId" } } };
+
 // Before a light path expression.
 constexpr char _expressionPrefix[] = "lpe:";
 // Before the name of a primvar.
@@ -229,8 +233,23 @@ HdOocPTAov const* HdOocPTFindAov(TfToken const& name)
     if (isPart || TfStringStartsWith(name.GetString(), _primvarPrefix)) {
         return _FindNamed(name, isPart);
     }
-    auto const found = std::find_if(aovs.begin(), aovs.end(), [&name](HdOocPTAov const& a) { return a.name == name; });
+    auto const isFloat = [&name](std::array<char const*, 2> const& id) { return name == id[0]; };
+    auto const id = std::find_if(_floatIds.begin(), _floatIds.end(), isFloat);
+    TfToken const rendered = id == _floatIds.end() ? name : TfToken((*id)[1]);
+    auto const isNamed = [&rendered](HdOocPTAov const& a) { return a.name == rendered; };
+    auto const found = std::find_if(aovs.begin(), aovs.end(), isNamed);
     return found == aovs.end() ? nullptr : &*found;
+}
+
+HdAovDescriptor HdOocPTDescribeAov(TfToken const& name)
+{
+    HdOocPTAov const* const aov = HdOocPTFindAov(name);
+    if (!aov) {
+        return HdAovDescriptor();
+    }
+    bool const isFloat = aov->format == HdFormatInt32 && name != aov->name;
+    return isFloat ? HdAovDescriptor(HdFormatFloat32, false, VtValue(-1.0f))
+                   : HdAovDescriptor(aov->format, false, aov->clearValue);
 }
 
 bool HdOocPTIsStorable(HdFormat format)

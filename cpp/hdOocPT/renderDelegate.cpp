@@ -111,8 +111,7 @@ bool HdOocPTRenderDelegate::IsParallelSyncEnabled(TfToken const& primType) const
 
 HdAovDescriptor HdOocPTRenderDelegate::GetDefaultAovDescriptor(TfToken const& name) const
 {
-    HdOocPTAov const* const aov = HdOocPTFindAov(name);
-    return aov ? HdAovDescriptor(aov->format, false, aov->clearValue) : HdAovDescriptor();
+    return HdOocPTDescribeAov(name);
 }
 
 // ---- settings, statistics, commands ----

@@ -34,6 +34,19 @@ def test_formats_sizes_and_clear_values(host):
         assert (picture[aov] == clear).all(), f"clear value of {aov}: {np.unique(picture[aov])[:4]}"
 
 
+def test_ids_come_as_floats_to_hosts_that_take_nothing_else(host):
+    """Beside the whole numbers, and alone."""
+    ids = ["primId", "instanceId", "elementId"]
+    floats = [f"{name}Float" for name in ids]
+    path = small.FOLDER / "nested.usda"
+    whole = host.picture(path, (24, 18), aovs=ids + floats, settings=QUICK)
+    alone = host.picture(path, (24, 18), aovs=floats, settings=QUICK)
+    for name, number in zip(floats, ids, strict=True):
+        assert whole.buffers[name]["format"] == "Float32" and whole.buffers[number]["format"] == "Int32"
+        assert len(np.unique(whole[number])) > 1 and (whole[name] == whole[number]).all(), name
+        compare.same_bits(alone[name], whole[name], name)
+
+
 @pytest.mark.parametrize("filtered", [False, True])
 @pytest.mark.parametrize("aovs", [["color"], ["depth", "primId"], ["normal"], ["albedo", "color"]], ids=",".join)
 def test_any_choice_of_aovs(host, aovs, filtered):
