@@ -85,9 +85,9 @@ impl RenderRequest {
             if aov.kind.primvar().is_some() && !primvars.contains(&aov.kind) {
                 let fits = primvars.len() < MAX_SHOWN_PRIMVARS as usize;
                 if fits {
-                    primvars.push(aov.kind)
+                    primvars.push(aov.kind);
                 } else {
-                    left.push(aov.kind)
+                    left.push(aov.kind);
                 }
                 return fits;
             }

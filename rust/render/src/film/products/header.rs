@@ -23,13 +23,13 @@ const PARTS: [&str; 4] =
     ["oocpt:multipart", "driver:parameters:OpenEXR:multipart", "arnold:driver_exr:multipart", "arnold:multipart"];
 /// Settings of Karma's that become attributes of their last name.
 const NOTES: [&str; 3] = ["driver:parameters:artist", "driver:parameters:comment", "driver:parameters:hostname"];
-/// Settings that become attributes called by the rest of the name: Karma's and RenderMan's.
+/// Settings that become attributes called by the rest of the name: Karma's and `RenderMan`'s.
 const ATTRIBUTES: [&str; 3] =
     ["driver:parameters:OpenEXR:", "driver:parameters:exrheader_", "ri:displayDriver:exrheader_"];
 /// Settings among these that are about the file.
 const OPTIONS: [&str; 8] =
     ["tiled", "storage", "tilesize", "multipart", "compression", "dwa_compression", "asrgba", "autocrop"];
-/// Attributes that OpenEXR defines, of other types than text, or that a product has of itself.
+/// Attributes that `OpenEXR` defines, of other types than text, or that a product has of itself.
 const RESERVED: [&str; 46] = [
     "adoptedNeutral",
     "altitude",

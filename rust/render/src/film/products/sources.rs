@@ -75,8 +75,8 @@ fn named_part(name: &str) -> Option<String> {
     };
     with("[LO]", name).or_else(|| {
         // The longest name wins.
-        let ends = name.match_indices('_').rev().filter(|(at, _)| at + 1 < name.len());
-        ends.into_iter().find_map(|(at, _)| {
+        let mut ends = name.match_indices('_').rev().filter(|(at, _)| at + 1 < name.len());
+        ends.find_map(|(at, _)| {
             let group = &name[at + 1..];
             let is_group = group != "albedo" && !group.contains(['\'', '"', '\\']);
             is_group.then(|| with(&format!("<[LO].'{group}'>"), &name[..at])).flatten()

@@ -46,7 +46,7 @@ pub(crate) const ROWS: &[Row] = &[
         build: dusty,
         features: &["STREAMING", "SHADED_AOVS"],
         passes: &[STREAM_PASSES, &["generate_aov_rays", "shade_aovs"]],
-        buffers: &[OF_STREAMING, &["mesh primvars", "image primvars:dust"]],
+        buffers: &[OF_STREAMING, &["image primvars:dust"]],
         primvars: &["dust"],
         also: Also::StreamedPrimvar,
         ..BARE
