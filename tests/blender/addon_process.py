@@ -177,9 +177,20 @@ def sky():
     return [answer, render_both("sky_turned", 64)]
 
 
+def _glowing(name, kind, at):
+    """The node that gives the `at`-th plane its colour."""
+    made = material(name, Base_Color=(0, 0, 0, 1), Specular_IOR_Level=0.0, Emission_Strength=1.0)
+    node = made.node_tree.nodes.new(kind)
+    glow = made.node_tree.nodes["Principled BSDF"].inputs["Emission Color"]
+    made.node_tree.links.new(node.outputs["Color"], glow)
+    plane(made, location=(2 * at - 4, 0, 0))
+    return node
+
+
 def textures():
-    """Planes that glow in the colours of a file, a packed file whose name is gone, a packed picture, a painted one."""
-    empty(64, 16, sky=(0, 0, 0), wide=8)
+    """Planes that glow in the colours of a file, a packed file whose name is gone, a packed picture, a painted one, of
+    the mesh itself."""
+    empty(80, 16, sky=(0, 0, 0), wide=10)
     for at, kind in enumerate(("file", "packed_file", "packed", "painted")):
         image = bpy.data.images.new(f"{kind} image", 8, 8)
         image.pixels.foreach_set(np.tile(np.array([0.75, 0.5, 0.1 + 0.2 * at, 1], np.float32), 64))
@@ -193,12 +204,11 @@ def textures():
         if kind == "packed_file":
             image.name = "Renamed"
             (OUT / "packed_file.png").unlink()
-        made = material(kind, Base_Color=(0, 0, 0, 1), Specular_IOR_Level=0.0, Emission_Strength=1.0)
-        node = made.node_tree.nodes.new("ShaderNodeTexImage")
-        node.image = image
-        glow = made.node_tree.nodes["Principled BSDF"].inputs["Emission Color"]
-        made.node_tree.links.new(node.outputs["Color"], glow)
-        plane(made, location=(2 * at - 3, 0, 0))
+        _glowing(kind, "ShaderNodeTexImage", at).image = image
+    _glowing("attribute", "ShaderNodeVertexColor", 4).layer_name = "Tint"
+    tint = bpy.context.object.data.color_attributes.new("Tint", "FLOAT_COLOR", "CORNER")
+    for corner, color in zip(tint.data, ((0.9, 0, 0.9, 1), (0, 0.9, 0.9, 1)) * 2, strict=True):
+        corner.color = color
     return render_both("textures", 16)
 
 

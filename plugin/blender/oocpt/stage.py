@@ -5,6 +5,7 @@ not for this engine."""
 
 import contextlib
 import math
+import threading
 
 import bpy
 
@@ -21,7 +22,8 @@ NO_LIGHT = 1e-20
 CAMERA_VISIBILITY = "ri:attributes:visibility:camera"
 # Names of Blender's data, on the prims that are made of them.
 OBJECT_NAME, DATA_NAME = "userProperties:blender:object_name", "userProperties:blender:data_name"
-_exporting = None
+# By thread: a viewport may export while a picture does.
+_export = threading.local()
 
 
 @contextlib.contextmanager
@@ -32,7 +34,8 @@ def exporting(depsgraph, is_transparent):
     try:
         yield
     finally:
-        _exporting = None
+        # By thread: a viewport may export while a picture does.
+_export = threading.local()
 
 
 @contextlib.contextmanager
@@ -62,9 +65,10 @@ class OocPTStageHook(bpy.types.USDHook):
 
     @staticmethod
     def on_export(export_context):
-        if _exporting is None:
+        scene = getattr(_export, "scene", None)
+        if scene is None:
             return False
-        depsgraph, is_transparent = _exporting
+        depsgraph, is_transparent = scene
         correct(export_context.get_stage(), depsgraph, is_transparent)
         return True
 
@@ -82,6 +86,7 @@ def correct(stage, depsgraph, is_transparent):
         _link_lights(lights, prims, data)
     _dress_particles(prims, data)
     _color_bare(prims)
+    materials.connect_color_attributes(prims.of("Shader"), data)
     materials.correct(prims.of("Shader", "DomeLight"), data)
     if not is_transparent and not any(_is_seen_as_sky(prim) for prim in skies):
         _blacken(stage)
