@@ -29,13 +29,11 @@ _export = threading.local()
 @contextlib.contextmanager
 def exporting(depsgraph, is_transparent):
     """What is exported within is for this engine; a background that the camera sees through has no sky put into it."""
-    global _exporting
-    _exporting = depsgraph, is_transparent
+    _export.scene = depsgraph, is_transparent
     try:
         yield
     finally:
-        # By thread: a viewport may export while a picture does.
-_export = threading.local()
+        _export.scene = None
 
 
 @contextlib.contextmanager
