@@ -11,7 +11,7 @@ FORMATS = {
     "color": ("Float32Vec4", 0.0), "depth": ("Float32", 1.0), "cameraDepth": ("Float32", 0.0), "primId": ("Int32", -1),
     "instanceId": ("Int32", -1), "elementId": ("Int32", -1), "normal": ("Float32Vec3", 0.0),
     "Neye": ("Float32Vec3", 0.0),
-    "albedo": ("Float32Vec3", 0.0), "motion": ("Float32Vec3", 0.0),
+    "albedo": ("Float32Vec3", 0.0), "motion": ("Float32Vec3", 0.0), "motionBoth": ("Float32Vec4", 0.0),
     "position": ("Float32Vec3", 0.0), "Peye": ("Float32Vec3", 0.0), "Ng": ("Float32Vec3", 0.0),
     "variance": ("Float32Vec3", 0.0), "error": ("Float32", 0.0),
 }  # fmt: skip
