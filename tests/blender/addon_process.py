@@ -151,6 +151,31 @@ def looks():
     return render_both("looks", 256)
 
 
+def views():
+    """Cubes on the points of a grid, by geometry nodes, through a lens that is shifted and out of focus."""
+    scene = empty(48, 64)
+    bpy.ops.mesh.primitive_cube_add(size=0.5)
+    cube = bpy.context.object
+    cube.data.materials.append(dull("Red", (0.8, 0.3, 0.1)))
+    cube.hide_render = True
+    bpy.ops.mesh.primitive_grid_add(size=8, x_subdivisions=6, y_subdivisions=6)
+    tree = bpy.data.node_groups.new("Cubes", "GeometryNodeTree")
+    for way in ("INPUT", "OUTPUT"):
+        tree.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
+    kinds = ("NodeGroupInput", "GeometryNodeInstanceOnPoints", "GeometryNodeObjectInfo", "NodeGroupOutput")
+    start, place, source, end = (tree.nodes.new(kind) for kind in kinds)
+    source.inputs["Object"].default_value, source.inputs["As Instance"].default_value = cube, True
+    tree.links.new(start.outputs[0], place.inputs["Points"])
+    tree.links.new(source.outputs["Geometry"], place.inputs["Instance"])
+    tree.links.new(place.outputs["Instances"], end.inputs[0])
+    bpy.context.object.modifiers.new("Cubes", "NODES").node_group = tree
+    camera = scene.camera
+    camera.location, camera.rotation_euler = (0, -9, 5), (1.05, 0, 0)
+    camera.data.type, camera.data.lens, camera.data.shift_x, camera.data.shift_y = "PERSP", 35, 0.1, -0.05
+    camera.data.dof.use_dof, camera.data.dof.focus_distance, camera.data.dof.aperture_fstop = True, 6.0, 0.3
+    return render_both("views", 128)
+
+
 def sky():
     """A mirror under a panorama of strength 2 that is turned, and under one that is not; what has no material."""
     scene = empty(32, 16, wide=4)

@@ -17,8 +17,8 @@ REPOSITORY = pathlib.Path(__file__).resolve().parents[2]
 PROGRAM = pathlib.Path(__file__).resolve().parent / "addon_process.py"
 # Largest difference of a region's mean from Cycles', and what both leave to noise where next to nothing is seen.
 SHARE, LEAST = 0.02, 0.002
-SCENES = ("panels", "chosen", "lamps", "sun", "looks", "sky", "textures", "hair", "links", "film", "edits", "faults",
-          "cancel", "starts")  # fmt: skip
+SCENES = ("panels", "chosen", "lamps", "sun", "looks", "views", "sky", "textures", "hair", "links", "film", "edits",
+          "faults", "cancel", "starts")  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -167,6 +167,13 @@ def test_materials_look_as_in_cycles(played):
     close(ours, cycles, "plastic, metal, glass, glow")
     # Behind clear glass is a floor in its own shade: neither black nor a mirror of the sky.
     assert (np.abs(ours[:, 4:6] - ours[:, :1]).max(axis=2) > 0.05).all()
+
+
+def test_lenses_and_instances_of_geometry_nodes_are_those_of_cycles(played):
+    folder, *_ = played
+    ours, cycles = regions(folder, "views", columns=6, rows=8)
+    close(ours, cycles, "blurred cubes")
+    assert np.ptp(ours[..., 2]) > 0.2, "cubes and sky"
 
 
 @pytest.mark.parametrize("name", ["sky", "sky_turned"])
