@@ -400,6 +400,10 @@ def faults():
     preferences.memory, preferences.device = 0, "no such device"
     answers["device"] = _attempt("device")
     preferences.device = ""
+    made = sys.modules["bl_ext.user_default.oocpt.stage"]
+    dress, made._dress_particles = made._dress_particles, None
+    answers["correction"] = _attempt("correction")
+    made._dress_particles = dress
     camera, scene.camera = scene.camera, None
     answers["camera"] = _attempt("camera")
     scene.camera = camera

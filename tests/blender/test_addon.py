@@ -283,7 +283,7 @@ def test_what_cannot_be_rendered_is_told_and_never_finished(played):
     _, answers, said = played
     faults = answers["faults"]
     words = {"panorama": "panoramic", "memory": "memory budget of 1 MiB is too small", "device": "llvmpipe",
-             "camera": "no camera"}  # fmt: skip
+             "correction": "could not be corrected: TypeError", "camera": "no camera"}  # fmt: skip
     for name, part in words.items():
         answer, is_written = faults[name]
         assert part in answer and not is_written, f"{name}: {faults[name]}"

@@ -105,7 +105,11 @@ def _find(prim, attribute, asset, data):
     wanted = pathlib.PurePath(asset.path.replace("\\", "/")).name
     candidates = [*_images_of(prim, data), *data.images.values()]
     image = next((one for one in candidates if wanted in _names(one)), None)
-    written = _write(image.original) if image else None
+    try:
+        written = _write(image.original) if image else None
+    except OSError:
+        # The renderer warns of a texture that it does not find.
+        written = None
     if written:
         attribute.Set(Sdf.AssetPath(str(written)))
 
@@ -122,13 +126,19 @@ def _name_of_material(prim):
     return prim.GetAttribute("userProperties:blender:data_name").Get() if prim else None
 
 
-def _images_in(tree, depth=0):
-    for node in tree.nodes:
-        if getattr(node, "image", None):
-            yield node.image
-        # Groups may be nested, and a file may lie about how deep.
-        if getattr(node, "node_tree", None) and depth < 16:
-            yield from _images_in(node.node_tree, depth + 1)
+def _images_in(tree):
+    """Also in groups, each once: they may be in each other many times over."""
+    waiting, seen = [tree], set()
+    while waiting:
+        tree = waiting.pop()
+        if tree.as_pointer() in seen:
+            continue
+        seen.add(tree.as_pointer())
+        for node in tree.nodes:
+            if getattr(node, "image", None):
+                yield node.image
+            if getattr(node, "node_tree", None):
+                waiting.append(node.node_tree)
 
 
 def _names(image):

@@ -28,10 +28,12 @@ _export = threading.local()
 
 @contextlib.contextmanager
 def exporting(depsgraph, is_transparent):
-    """What is exported within is for this engine; a background that the camera sees through has no sky put into it."""
-    _export.scene = depsgraph, is_transparent
+    """What is exported within is for this engine; a background that the camera sees through has no sky put into it.
+    Gives a list that holds what went wrong."""
+    faults = []
+    _export.scene = depsgraph, is_transparent, faults
     try:
-        yield
+        yield faults
     finally:
         _export.scene = None
 
@@ -66,8 +68,11 @@ class OocPTStageHook(bpy.types.USDHook):
         scene = getattr(_export, "scene", None)
         if scene is None:
             return False
-        depsgraph, is_transparent = scene
-        correct(export_context.get_stage(), depsgraph, is_transparent)
+        depsgraph, is_transparent, faults = scene
+        try:
+            correct(export_context.get_stage(), depsgraph, is_transparent)
+        except Exception as error:  # noqa: BLE001  Blender would print it and render what is not corrected
+            faults.append(f"the exported scene could not be corrected: {type(error).__name__}: {error}")
         return True
 
 
