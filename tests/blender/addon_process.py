@@ -151,6 +151,31 @@ def looks():
     return render_both("looks", 256)
 
 
+def views():
+    """Cubes on the points of a grid, by geometry nodes, through a lens that is shifted and out of focus."""
+    scene = empty(48, 64)
+    bpy.ops.mesh.primitive_cube_add(size=0.5)
+    cube = bpy.context.object
+    cube.data.materials.append(dull("Red", (0.8, 0.3, 0.1)))
+    cube.hide_render = True
+    bpy.ops.mesh.primitive_grid_add(size=8, x_subdivisions=6, y_subdivisions=6)
+    tree = bpy.data.node_groups.new("Cubes", "GeometryNodeTree")
+    for way in ("INPUT", "OUTPUT"):
+        tree.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
+    kinds = ("NodeGroupInput", "GeometryNodeInstanceOnPoints", "GeometryNodeObjectInfo", "NodeGroupOutput")
+    start, place, source, end = (tree.nodes.new(kind) for kind in kinds)
+    source.inputs["Object"].default_value, source.inputs["As Instance"].default_value = cube, True
+    tree.links.new(start.outputs[0], place.inputs["Points"])
+    tree.links.new(source.outputs["Geometry"], place.inputs["Instance"])
+    tree.links.new(place.outputs["Instances"], end.inputs[0])
+    bpy.context.object.modifiers.new("Cubes", "NODES").node_group = tree
+    camera = scene.camera
+    camera.location, camera.rotation_euler = (0, -9, 5), (1.05, 0, 0)
+    camera.data.type, camera.data.lens, camera.data.shift_x, camera.data.shift_y = "PERSP", 35, 0.1, -0.05
+    camera.data.dof.use_dof, camera.data.dof.focus_distance, camera.data.dof.aperture_fstop = True, 6.0, 0.3
+    return render_both("views", 128)
+
+
 def sky():
     """A mirror under a panorama of strength 2 that is turned, and under one that is not; what has no material."""
     scene = empty(32, 16, wide=4)
@@ -177,9 +202,20 @@ def sky():
     return [answer, render_both("sky_turned", 64)]
 
 
+def _glowing(name, kind, at):
+    """The node that gives the `at`-th plane its colour."""
+    made = material(name, Base_Color=(0, 0, 0, 1), Specular_IOR_Level=0.0, Emission_Strength=1.0)
+    node = made.node_tree.nodes.new(kind)
+    glow = made.node_tree.nodes["Principled BSDF"].inputs["Emission Color"]
+    made.node_tree.links.new(node.outputs["Color"], glow)
+    plane(made, location=(2 * at - 4, 0, 0))
+    return node
+
+
 def textures():
-    """Planes that glow in the colours of a file, a packed file whose name is gone, a packed picture, a painted one."""
-    empty(64, 16, sky=(0, 0, 0), wide=8)
+    """Planes that glow in the colours of a file, a packed file whose name is gone, a packed picture, a painted one, of
+    the mesh itself."""
+    empty(80, 16, sky=(0, 0, 0), wide=10)
     for at, kind in enumerate(("file", "packed_file", "packed", "painted")):
         image = bpy.data.images.new(f"{kind} image", 8, 8)
         image.pixels.foreach_set(np.tile(np.array([0.75, 0.5, 0.1 + 0.2 * at, 1], np.float32), 64))
@@ -193,12 +229,11 @@ def textures():
         if kind == "packed_file":
             image.name = "Renamed"
             (OUT / "packed_file.png").unlink()
-        made = material(kind, Base_Color=(0, 0, 0, 1), Specular_IOR_Level=0.0, Emission_Strength=1.0)
-        node = made.node_tree.nodes.new("ShaderNodeTexImage")
-        node.image = image
-        glow = made.node_tree.nodes["Principled BSDF"].inputs["Emission Color"]
-        made.node_tree.links.new(node.outputs["Color"], glow)
-        plane(made, location=(2 * at - 3, 0, 0))
+        _glowing(kind, "ShaderNodeTexImage", at).image = image
+    _glowing("attribute", "ShaderNodeVertexColor", 4).layer_name = "Tint"
+    tint = bpy.context.object.data.color_attributes.new("Tint", "FLOAT_COLOR", "CORNER")
+    for corner, color in zip(tint.data, ((0.9, 0, 0.9, 1), (0, 0.9, 0.9, 1)) * 2, strict=True):
+        corner.color = color
     return render_both("textures", 16)
 
 
@@ -365,6 +400,10 @@ def faults():
     preferences.memory, preferences.device = 0, "no such device"
     answers["device"] = _attempt("device")
     preferences.device = ""
+    made = sys.modules["bl_ext.user_default.oocpt.stage"]
+    dress, made._dress_particles = made._dress_particles, None
+    answers["correction"] = _attempt("correction")
+    made._dress_particles = dress
     camera, scene.camera = scene.camera, None
     answers["camera"] = _attempt("camera")
     scene.camera = camera

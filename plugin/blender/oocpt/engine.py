@@ -115,12 +115,12 @@ class OocPTRenderEngine(bpy.types.HydraRenderEngine):
         scene = depsgraph.scene_eval
         use = "VIEWPORT" if context else "PREVIEW" if self.is_preview else "FINAL"
         scene.hydra.export_method = scene.oocpt.viewport_export if context else scene.oocpt.export
-        with stage.exporting(depsgraph, scene.render.film_transparent), stage.lights_as_they_are(depsgraph):
+        with stage.exporting(depsgraph, scene.render.film_transparent) as faults, stage.lights_as_they_are(depsgraph):
             _bpy_hydra.engine_update(self.engine_ptr, depsgraph, context)
         report = "" if context else _report_file(self)
         for key, value in settings.for_hydra(scene, depsgraph.view_layer, use, report).items():
             _bpy_hydra.engine_set_render_setting(self.engine_ptr, key, value)
-        return _told(mark)
+        return "; ".join([*faults, *filter(None, [_told(mark)])])
 
 
 def _told(mark):

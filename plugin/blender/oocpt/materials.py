@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Materials of the exported stage: textures without a file, and materials that were not exported.
+"""Materials of the exported stage: textures without a file, colours of meshes, and materials that were not exported.
 
 Textures that have no file: Blender's exporter writes the paths that packed and generated images would have, and no
 files there. They are written into Blender's own temporary folder, which it removes."""
@@ -44,6 +44,58 @@ def correct(prims, data):
                 _find(prim, attribute, asset, data)
 
 
+# Inputs of OpenPBR that Blender's export makes of an input of a principled material.
+COLOR_INPUTS = {
+    "Base Color": ("base_color", "subsurface_color", "transmission_color"),
+    "Emission Color": ("emission_color",),
+}
+# Nodes that read a colour attribute, and their property that names it.
+COLOR_READERS = {"VERTEX_COLOR": "layer_name", "ATTRIBUTE": "attribute_name"}
+
+
+def connect_color_attributes(shaders, data):
+    """The export knows no colour attributes: where one is a principled material's colour, the shader is given it."""
+    from pxr import UsdShade
+
+    for prim in shaders:
+        shader = UsdShade.Shader(prim)
+        if shader.GetIdAttr().Get() != "ND_open_pbr_surface_surfaceshader":
+            continue
+        material = data.materials.get(_name_of_material(prim))
+        tree = material.node_tree if material else None
+        for node in tree.nodes if tree else ():
+            if node.type == "BSDF_PRINCIPLED":
+                _connect_colors(shader, node)
+
+
+def _connect_colors(shader, principled):
+    from pxr import Sdf
+
+    for blenders, names in COLOR_INPUTS.items():
+        links = principled.inputs[blenders].links
+        source = links[0].from_node if links and links[0].from_socket.name == "Color" else None
+        attribute = getattr(source, COLOR_READERS.get(source.type, ""), "") if source else ""
+        if attribute:
+            color = _read_color(shader.GetPrim(), blenders.split()[0].lower(), attribute)
+            for name in names:
+                shader.CreateInput(name, Sdf.ValueTypeNames.Color3f).ConnectToSource(color)
+
+
+def _read_color(beside, name, attribute):
+    """Nodes that read a colour of the geometry; returns what they give."""
+    from pxr import Sdf, UsdShade
+
+    stage, folder = beside.GetStage(), beside.GetPath().GetParentPath()
+    reader, opaque = (UsdShade.Shader.Define(stage, folder.AppendChild(f"oocpt_{name}_{part}"))
+                      for part in ("attribute", "color"))  # fmt: skip
+    reader.CreateIdAttr("ND_geompropvalue_color4")
+    reader.CreateInput("geomprop", Sdf.ValueTypeNames.String).Set(attribute)
+    opaque.CreateIdAttr("ND_convert_color4_color3")
+    read = reader.CreateOutput("out", Sdf.ValueTypeNames.Color4f)
+    opaque.CreateInput("in", Sdf.ValueTypeNames.Color4f).ConnectToSource(read)
+    return opaque.CreateOutput("out", Sdf.ValueTypeNames.Color3f)
+
+
 def _find(prim, attribute, asset, data):
     """Writes the image of an asset that has no file, and names what was written."""
     from pxr import Sdf
@@ -53,27 +105,40 @@ def _find(prim, attribute, asset, data):
     wanted = pathlib.PurePath(asset.path.replace("\\", "/")).name
     candidates = [*_images_of(prim, data), *data.images.values()]
     image = next((one for one in candidates if wanted in _names(one)), None)
-    written = _write(image.original) if image else None
+    try:
+        written = _write(image.original) if image else None
+    except OSError:
+        # The renderer warns of a texture that it does not find.
+        written = None
     if written:
         attribute.Set(Sdf.AssetPath(str(written)))
 
 
 def _images_of(prim, data):
     """Images of the material that a shader is in: two images may have files of one name."""
-    while prim and prim.GetTypeName() != "Material":
-        prim = prim.GetParent()
-    named = prim.GetAttribute("userProperties:blender:data_name").Get() if prim else None
-    material = data.materials.get(named)
+    material = data.materials.get(_name_of_material(prim))
     return list(_images_in(material.node_tree)) if material and material.node_tree else []
 
 
-def _images_in(tree, depth=0):
-    for node in tree.nodes:
-        if getattr(node, "image", None):
-            yield node.image
-        # Groups may be nested, and a file may lie about how deep.
-        if getattr(node, "node_tree", None) and depth < 16:
-            yield from _images_in(node.node_tree, depth + 1)
+def _name_of_material(prim):
+    while prim and prim.GetTypeName() != "Material":
+        prim = prim.GetParent()
+    return prim.GetAttribute("userProperties:blender:data_name").Get() if prim else None
+
+
+def _images_in(tree):
+    """Also in groups, each once: they may be in each other many times over."""
+    waiting, seen = [tree], set()
+    while waiting:
+        tree = waiting.pop()
+        if tree.as_pointer() in seen:
+            continue
+        seen.add(tree.as_pointer())
+        for node in tree.nodes:
+            if getattr(node, "image", None):
+                yield node.image
+            if getattr(node, "node_tree", None):
+                waiting.append(node.node_tree)
 
 
 def _names(image):

@@ -5,6 +5,7 @@ not for this engine."""
 
 import contextlib
 import math
+import threading
 
 import bpy
 
@@ -21,18 +22,20 @@ NO_LIGHT = 1e-20
 CAMERA_VISIBILITY = "ri:attributes:visibility:camera"
 # Names of Blender's data, on the prims that are made of them.
 OBJECT_NAME, DATA_NAME = "userProperties:blender:object_name", "userProperties:blender:data_name"
-_exporting = None
+# By thread: a viewport may export while a picture does.
+_export = threading.local()
 
 
 @contextlib.contextmanager
 def exporting(depsgraph, is_transparent):
-    """What is exported within is for this engine; a background that the camera sees through has no sky put into it."""
-    global _exporting
-    _exporting = depsgraph, is_transparent
+    """What is exported within is for this engine; a background that the camera sees through has no sky put into it.
+    Gives a list that holds what went wrong."""
+    faults = []
+    _export.scene = depsgraph, is_transparent, faults
     try:
-        yield
+        yield faults
     finally:
-        _exporting = None
+        _export.scene = None
 
 
 @contextlib.contextmanager
@@ -62,10 +65,14 @@ class OocPTStageHook(bpy.types.USDHook):
 
     @staticmethod
     def on_export(export_context):
-        if _exporting is None:
+        scene = getattr(_export, "scene", None)
+        if scene is None:
             return False
-        depsgraph, is_transparent = _exporting
-        correct(export_context.get_stage(), depsgraph, is_transparent)
+        depsgraph, is_transparent, faults = scene
+        try:
+            correct(export_context.get_stage(), depsgraph, is_transparent)
+        except Exception as error:  # noqa: BLE001  Blender would print it and render what is not corrected
+            faults.append(f"the exported scene could not be corrected: {type(error).__name__}: {error}")
         return True
 
 
@@ -82,6 +89,7 @@ def correct(stage, depsgraph, is_transparent):
         _link_lights(lights, prims, data)
     _dress_particles(prims, data)
     _color_bare(prims)
+    materials.connect_color_attributes(prims.of("Shader"), data)
     materials.correct(prims.of("Shader", "DomeLight"), data)
     if not is_transparent and not any(_is_seen_as_sky(prim) for prim in skies):
         _blacken(stage)
