@@ -92,6 +92,9 @@ void HdOocPTSceneReader::Read(const PrimIdLookup& primIdOf, oocpt::SceneEdits* e
             HdOocPTDirtyTransform | HdOocPTDirtyInstancePrimvars | HdOocPTDirtyPoints, &dirty);
     }
     _ReadLinks(&dirty, warnings);
+    if (_pass.Read(*_scene, warnings)) {
+        _Mark({ HdOocPTPrimKind::Mesh, HdOocPTPrimKind::Light }, HdOocPTDirtyCategories, &dirty);
+    }
     _ReadPurposes(&dirty, warnings);
     std::vector<_Job> jobs = _MakeJobs(dirty, warnings);
     _RunJobs(&jobs, primIdOf, warnings);
@@ -352,6 +355,7 @@ void HdOocPTSceneReader::_ReadJob(_Job* job, const PrimIdLookup& primIdOf, HdOoc
         if (!_links.IsEmpty() && (source.dirtyBits & HdOocPTDirtyCategories)) {
             HdOocPTAddCategories(*_scene, _links, source, record.mesh.get());
         }
+        record.mesh->pass = _pass.Find(*_scene, source.path, record.mesh->prim, warnings);
         job->mesh = HdOocPTDescribeMesh(job->path, *record.mesh, primIdOf ? primIdOf(job->path) : -1);
         if (source.dirtyBits & HdOocPTDirtyLight) {
             const bool isLight = HdOocPTIsMeshLight(prim.dataSource);
@@ -378,6 +382,7 @@ void HdOocPTSceneReader::_ReadJob(_Job* job, const PrimIdLookup& primIdOf, HdOoc
     case HdOocPTPrimKind::Light:
         job->light = HdOocPTReadLight(source, record.type);
         HdOocPTSetCategories(_links.GetCategories(job->path), &*job->light);
+        _ApplyPass(source, &*job->light);
         break;
     case HdOocPTPrimKind::Material:
         job->material = HdOocPTReadMaterial(source);
@@ -388,6 +393,15 @@ void HdOocPTSceneReader::_ReadJob(_Job* job, const PrimIdLookup& primIdOf, HdOoc
     case HdOocPTPrimKind::Other:
         break;
     }
+}
+
+void HdOocPTSceneReader::_ApplyPass(const HdOocPTPrimSource& source, oocpt::LightDesc* light) const
+{
+    HdOocPTPrimState state;
+    HdOocPTReadPrim({ source.path, source.container, HdOocPTDirtyInstancedBy, source.warnings }, &state);
+    const HdOocPTPassMarks marks = _pass.Find(*_scene, source.path, state, source.warnings);
+    light->prim.visible = light->prim.visible && !marks.isLeftOut;
+    light->camera_visible = light->camera_visible && !marks.isHiddenFromCamera;
 }
 
 void HdOocPTSceneReader::SetCamera(const SdfPath& camera, HdOocPTWarnings* warnings)

@@ -13,6 +13,7 @@
 
 #include "math/affine.glsl"
 #include "light/links.glsl"
+#include "geometry/prim_masks.glsl"
 #include "light/lights.glsl"
 
 #include "light/motion.glsl"
@@ -132,7 +133,7 @@ float local_share(float linked, Receiver r) {
 
 bool is_shadow_only(uint flags) {
     return (flags & (LIGHT_NO_SHADOWS | LIGHT_SHADOW_COLOR | LIGHT_SHADOW_LINK | LIGHT_SHADOW_REACH)) !=
-           0u;
+               0u || shadow_rays_alone();
 }
 
 // The light's multipliers on the throughput of a BSDF ray.

@@ -197,7 +197,7 @@ LightSample sample_near_mesh(Double3 origin, Receiver receiver, vec4 u, vec4 u_m
     ls.distance = mesh_point.reach;
     ls.contribution = mesh_point.emission;
     ls.density = mesh_point.density;
-    ls.weighs = !last;
+    ls.weighs = !(last || shadow_rays_alone());
     return ls;
 }
 

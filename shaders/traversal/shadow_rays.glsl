@@ -21,7 +21,7 @@ void begin_ray(uint at) {
         return;
     }
     const uint64_t ray = shadow_ray_address(path);
-    const uint linked = ray_bounce(ray);
+    const uint linked = ray_word(ray);
     walk.shadow_link = shadow_link(linked);
     const uint flags = HAS_STREAMING ? ray_flags(ray) : 0u;
     begin_walk(ray, path, ray_t_max(ray), opacity_seed(path, 2u * shadow_bounce(linked) + 1u), flags);

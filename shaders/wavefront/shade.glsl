@@ -9,6 +9,7 @@
 #define OOCPT_SHADE_GLSL
 
 #include "wavefront/bounce_kinds.glsl"
+#include "geometry/prim_masks.glsl"
 
 void add_radiance(uint path, vec3 value) {
     const vec4 before = ConstVec4s(FRAME.radiance).v[path];
@@ -26,6 +27,8 @@ void add_met_lights(uint path, Ray ray, Surface surface, PathState state) {
     set_light_time(path);
     const vec3 lights = lights_along(origin, ray.d, t_end, camera, from, met);
     if (!met) return;
+    // Behind a lamp there is no need to see through a matte.
+    if (HAS_PRIM_MASKS && camera) Vec4s(FRAME.radiance).v[path].w = 1.0;
     const vec3 contribution = state.throughput * lights;
     const vec3 kept = clamp_contribution(path, contribution, ray.bounce > 1u);
     add_radiance(path, kept);
@@ -75,6 +78,7 @@ float emission_share(uint path, Ray ray, Surface surface, float pdf) {
     const float other = mesh_light_density(from.receiver, origin, share, uint(surface.prim_id), surface.instance_id,
                                            mesh, surface.face,
                                            surface_material.material, surface.geometric_normal, distance, facing);
+    if (shadow_rays_alone() && other > 0.0) return 0.0;
     return ray_weight(pdf, other);
 }
 
@@ -100,9 +104,12 @@ void shade(uint path, out bool asks, out bool go_on) {
     PathState state = load_path(path);
     const vec3 arrived = state.throughput;
     if (HAS_CUTOUTS && HAS_TEXTURES) store_next_cone(path, surface.cone, 0.0);
-    if (ray.bounce == 0u) Vec4s(FRAME.radiance).v[path] = vec4(0.0, 0.0, 0.0, 1.0);
+    const bool is_matte =
+        HAS_PRIM_MASKS && ray.bounce == 0u && (prim_mask(surface.prim_id) & PRIM_MATTE) != 0u;
+    if (ray.bounce == 0u) Vec4s(FRAME.radiance).v[path] = vec4(0.0, 0.0, 0.0, is_matte ? 0.0 : 1.0);
     if (HAS_PATH_EXPRESSIONS && ray.bounce == 0u) clear_light_parts(path);
     if (HAS_LOCAL_LIGHTS) add_met_lights(path, ray, surface, state);
+    if (is_matte) return;
     const uint kinds = path_kinds(path, ray.bounce);
     const bool only_lights = only_looks_for_lights(ray.bounce, kinds);
     if (only_lights && !HAS_EMISSION) return;
@@ -202,11 +209,14 @@ void shade(uint path, out bool asks, out bool go_on) {
     if (HAS_PATH_EXPRESSIONS) {
         store_states(FRAME.path_states, path, scattered_states(states, goes_beyond, !(pdf > 0.0), label, share));
     }
-    if (HAS_BOUNCE_KINDS) count_bounce(path, bsdf, u.z, goes_beyond, kinds);
+    uint kind = 0u;
+    if (HAS_BOUNCE_KINDS || HAS_PRIM_MASKS) kind = bounce_kind(bsdf, u.z, goes_beyond);
+    if (HAS_BOUNCE_KINDS) count_bounce(path, kind, kinds);
     Double3 from = origin;
     if (goes_beyond) from = beyond;
     if (goes_beyond && is_hair(bsdf)) from = add(surface.position, way_around(bsdf, wi, surface.offset));
-    store_ray(ray_address(path), Ray(from.hi, ray.bounce + 1u, wi, INFINITE, from.lo, 0u));
+    const uint bounce = pack_ray_bounce(ray.bounce + 1u, PRIM_NO_DIFFUSE << kind);
+    store_ray(ray_address(path), Ray(from.hi, bounce, wi, INFINITE, from.lo, 0u));
 }
 
 #endif

@@ -199,6 +199,8 @@ features! {
     PIXEL_FILTER: "pixel filter", [], Never;
     /// Light is kept apart by light path expressions: `FrameConstants::automaton` is used.
     PATH_EXPRESSIONS: "light path expressions", [], Never;
+    /// Some prim is not seen by all rays, or is a matte: `FrameConstants::prim_masks` is used, and rays have a kind.
+    PRIM_MASKS: "visibility by kind of ray, mattes", [], Never;
     /// Some material has the lobe that tests add.
     #[cfg(feature = "faults")]
     TOY_LOBE: "toy lobe", [MATERIALS], Never;

@@ -63,6 +63,9 @@ bitflags! {
         const DOME_CAMERA_VISIBLE = 1;
         /// Samples end where they meet something first: no image of light is wanted.
         const FIRST_HITS = 2;
+        /// Some prim is in the way of shadow rays and not of others, or the other way round: what shadow rays see
+        /// counts, so they alone find lights, but for sharp lobes. With `Features::PRIM_MASKS` only.
+        const SHADOW_RAYS_ALONE = 4;
     }
 }
 
@@ -413,6 +416,12 @@ shared! {
         pub light_stride: u32,
         /// Number of expressions.
         pub light_count: u32,
+        /// [`crate::PrimMask`]s by prim id + 1, four in each u32, the first lowest; 0 without `Features::PRIM_MASKS`.
+        pub prim_masks: u64,
+        /// Number of prims of `prim_masks`; those behind it have none of its bits.
+        pub mask_count: u32,
+        /// Padding; 0.
+        pub pad: u32,
     }
 }
 
