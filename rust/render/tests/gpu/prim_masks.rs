@@ -71,10 +71,10 @@ fn cases() -> [Case; 5] {
             bit: PrimMask::NO_SHADOW,
             bounces: 0,
             view: at_the_floor,
-            thing: || square(prim("/thing", DMat4::from_translation(DVec3::Y * 0.3)), 2, 0.5),
+            thing: || square(prim("/thing", DMat4::from_translation(DVec3::Y * 3.0)), 2, 0.5),
             others: |db| {
                 db.upsert_mesh(board("/floor", downwards(), 1, 9.0, 0.5));
-                db.upsert_light(sun(1.0, 0.0, DMat4::from_rotation_x(-1.2)));
+                db.upsert_light(sun(1.0, 0.0, downwards()));
             },
         },
         Case {
