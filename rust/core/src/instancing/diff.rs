@@ -6,6 +6,8 @@ use rayon::prelude::*;
 
 use crate::array::TypedArray;
 
+/// Number of instances that are few.
+const FEW: usize = 1 << 10;
 /// Number of elements compared at a time.
 const BLOCK: usize = 1 << 12;
 
@@ -64,6 +66,19 @@ impl ChangedNumbers {
     /// Number of instances in the set.
     pub(crate) fn len(&self) -> usize {
         self.len
+    }
+
+    /// The instances, in order, if they are few and both sides have them.
+    pub(crate) fn few(&self) -> Option<Vec<usize>> {
+        if self.len > FEW || self.tail != usize::MAX {
+            return None;
+        }
+        let words = self.bits.iter().enumerate().filter(|(_, word)| **word != 0);
+        let of_word = |(at, word): (usize, &u64)| {
+            let word = *word;
+            (0..64).filter(move |bit| word >> bit & 1 == 1).map(move |bit| 64 * at + bit)
+        };
+        Some(words.flat_map(of_word).collect())
     }
 
     /// Returns true if so many changed that a run of `ranks` instances is better scanned anew.

@@ -36,14 +36,24 @@ pub(crate) enum OrderPiece<'a> {
 /// The data of the assembly that cutting needs.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ChunkCutter<'a> {
-    pub(crate) rule: &'a CutRule<'a>,
+    pub(crate) rule: &'a CutRule,
     pub(crate) roster: AssemblyMembers<'a>,
     pub(crate) lattice: &'a MortonLattice,
     /// Number of the member of each lasting id.
     pub(crate) member_of: &'a FxHashMap<u32, u32>,
+    /// Whether the chunks from before were cut by the same rule, and no cell has lost one.
+    pub(crate) is_known: bool,
 }
 
 impl OrderPiece<'_> {
+    /// The chunk, if it is as it was in the last partition.
+    fn known(&self) -> Option<Arc<Chunk>> {
+        match self {
+            Self::Kept(chunk) => (chunk.key != 0).then(|| Arc::clone(chunk)),
+            Self::Loose(_) => None,
+        }
+    }
+
     fn len(&self) -> u64 {
         match self {
             Self::Kept(chunk) => chunk.len() as u64,
@@ -62,6 +72,11 @@ impl OrderPiece<'_> {
 impl ChunkCutter<'_> {
     /// Chunks of all pieces, in order. Those made here have key 0.
     pub(crate) fn cut(&self, pieces: &[OrderPiece<'_>]) -> Vec<Arc<Chunk>> {
+        if self.is_known
+            && let Some(chunks) = pieces.iter().map(OrderPiece::known).collect()
+        {
+            return chunks;
+        }
         let records: u64 = pieces.iter().map(OrderPiece::len).sum();
         if records == 0 {
             return Vec::new();
@@ -140,7 +155,7 @@ impl ChunkCutter<'_> {
                 }
             }
         }
-        let target = |member: u32| self.roster.members.get(member as usize).map(|m| m.target);
+        let target = |member: u32| self.roster.assembly.members().get(member as usize).map(|m| m.target);
         let mut targets: Vec<(InstanceTarget, u64)> =
             placed.into_iter().filter_map(|(member, n)| Some((target(member)?, n))).collect();
         targets.sort_unstable();

@@ -20,8 +20,8 @@ pub(super) struct MemberChanges {
     pub(super) added: Vec<u32>,
     /// Members with some changed records: number, old index among the known ones, ranks.
     pub(super) edited: Vec<(u32, usize, Arc<Vec<u32>>)>,
-    /// Ids with another run but the same records where not edited.
-    pub(super) rebound: FxHashSet<u32>,
+    /// Whether some member has another number than in the last partition.
+    pub(super) is_renumbered: bool,
     /// Ids whose instances have other values of primvars: which ones, or `None` for all.
     pub(super) revalued: FxHashMap<u32, Option<ChangedNumbers>>,
     /// True if the records of removed members are removed one by one.

@@ -10,11 +10,12 @@ use std::sync::{Arc, OnceLock, PoisonError, RwLock};
 use glam::DVec3;
 
 use super::blocks::RecordBlock;
+use super::chunk_members::ChunkMembers;
 use super::lattice::MortonLattice;
 use super::peaks::RecordPeaks;
 use super::which::IndexSet;
 use crate::instancing::affine::{MATRIX_ERROR, round_down, round_up};
-use crate::instancing::assembly::{AssemblyMember, InstanceRecord, InstanceTarget, RecordVisitor};
+use crate::instancing::assembly::{Assembly, AssemblyMember, InstanceRecord, InstanceTarget, RecordVisitor};
 use crate::instancing::instance_primvars::{ColumnReader, InstanceColumn, MemberPrimvar, write_value};
 use crate::instancing::item::PlacementItem;
 use crate::instancing::motion::MotionKey;
@@ -52,8 +53,8 @@ pub struct Chunk {
     /// Members that have records in the chunk, in the order of the assembly: lasting ids, and the number of records.
     pub(crate) ids: Arc<Vec<u32>>,
     pub(crate) counts: Arc<Vec<u32>>,
-    /// Members of the records, in the order of `ids`. Replaced when arrays are, if that changes no record of the chunk.
-    members: RwLock<Arc<[AssemblyMember]>>,
+    /// Members of the records. Replaced when the assembly is, if that changes no record of the chunk.
+    members: RwLock<ChunkMembers>,
     /// Rank of each record.
     pub(crate) ranks: Arc<Vec<u32>>,
     /// Index into `ids` of each record; empty if there is only one id.
@@ -94,8 +95,7 @@ pub(crate) struct ChunkContent {
 /// The members of an assembly while it is partitioned.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct AssemblyMembers<'a> {
-    /// Members in the order of the assembly.
-    pub(crate) members: &'a [AssemblyMember],
+    pub(crate) assembly: &'a Arc<Assembly>,
     /// Lasting id of each member.
     pub(crate) ids: &'a [u32],
     /// True if all chunks keep the assembly's frame.
@@ -144,8 +144,8 @@ impl Chunk {
     /// Makes a chunk; its key is set later.
     pub(crate) fn of(content: ChunkContent, roster: AssemblyMembers<'_>, lattice: &MortonLattice) -> Self {
         let ChunkContent { codes, present, counts, ranks, which, blocks } = content;
-        let members: Arc<[AssemblyMember]> =
-            present.iter().filter_map(|&m| roster.members.get(m as usize).cloned()).collect();
+        let ids = Arc::new(present.iter().filter_map(|&m| roster.ids.get(m as usize).copied()).collect());
+        let members = ChunkMembers::new(roster.assembly, present.into());
         let measured = if roster.keeps_frame { None } else { measured_box(&members, &ranks, &which) };
         let around = measured.unwrap_or_else(|| {
             lattice.box_of(blocks.iter().fold(RecordPeaks::NONE, |peaks, block| peaks.max(block.peaks())))
@@ -154,7 +154,6 @@ impl Chunk {
         let mut targets: Vec<InstanceTarget> = members.iter().map(|m| m.target).collect();
         targets.sort_unstable();
         targets.dedup();
-        let ids = Arc::new(present.iter().filter_map(|&m| roster.ids.get(m as usize).copied()).collect());
         let columns = MemberPrimvar::columns(members.iter().map(|m| &m.primvars[..]));
         let moves = members.iter().any(|member| member.run.key_count() > 0);
         let members = RwLock::new(members);
@@ -272,7 +271,7 @@ impl Chunk {
     /// Bytes of host memory held, without the arrays that records are computed from.
     #[must_use]
     pub fn host_bytes(&self) -> u64 {
-        let members = self.ids.len() * (2 * size_of::<u32>() + size_of::<AssemblyMember>());
+        let members = self.ids.len() * 3 * size_of::<u32>();
         let records = self.ranks.len() * size_of::<u32>() + self.which.host_bytes();
         let records = records + size_of_val(&self.blocks[..]);
         (size_of::<Self>() + members + records + size_of_val(&self.targets[..])) as u64
@@ -348,7 +347,7 @@ impl Chunk {
         {
             let Some((which, rank)) = self.place(at) else { return };
             if last.as_ref().is_none_or(|(known, _)| *known != which) {
-                let member = members.get(which as usize);
+                let member = members.get(which);
                 last = Some((which, member.and_then(|m| ColumnReader::new(&m.run, &m.primvars, column))));
             }
             let reader = last.as_ref().and_then(|(_, reader)| reader.as_ref());
@@ -419,7 +418,7 @@ impl Chunk {
     }
 
     /// The chunk whose records, which `members` place now, fill `bounds`, or, if it is late, may do so; without key.
-    pub(crate) fn moved(&self, members: Arc<[AssemblyMember]>, bounds: Aabb, is_late: bool) -> Self {
+    pub(crate) fn moved(&self, members: ChunkMembers, bounds: Aabb, is_late: bool) -> Self {
         let held = self.held.unwrap_or_else(|| HeldChunk { shape: self.key, area: self.bounds.half_area() });
         Self {
             key: 0,
@@ -457,19 +456,19 @@ impl Chunk {
     }
 
     /// Replaces the members of the records by others that give the same records.
-    pub(crate) fn set_members(&self, members: Arc<[AssemblyMember]>) {
+    pub(crate) fn set_members(&self, members: ChunkMembers) {
         *self.members.write().unwrap_or_else(PoisonError::into_inner) = members;
     }
 
     /// Members of the records, in the order of [`Chunk::ids`].
-    pub(crate) fn members(&self) -> Arc<[AssemblyMember]> {
+    pub(crate) fn members(&self) -> ChunkMembers {
         self.members.read().unwrap_or_else(PoisonError::into_inner).clone()
     }
 }
 
 /// Readers of a chunk's members, made when first needed.
 pub(crate) struct MemberReaders<'a> {
-    members: &'a [AssemblyMember],
+    members: &'a ChunkMembers,
     origin: Option<DVec3>,
     known: Vec<Option<RunReader<'a>>>,
     /// The reader used last, if there are too many members to keep all.
@@ -478,7 +477,7 @@ pub(crate) struct MemberReaders<'a> {
 
 impl<'a> MemberReaders<'a> {
     /// Readers of placements relative to `origin`, or to the assembly's.
-    pub(crate) fn new(members: &'a [AssemblyMember], origin: Option<DVec3>) -> Self {
+    pub(crate) fn new(members: &'a ChunkMembers, origin: Option<DVec3>) -> Self {
         let known = if members.len() <= KEPT_READERS { vec![None; members.len()] } else { Vec::new() };
         Self { members, origin, known, last: None }
     }
@@ -494,7 +493,7 @@ impl<'a> MemberReaders<'a> {
 
     #[inline]
     fn get(&mut self, which: u32) -> Option<(&'a AssemblyMember, &RunReader<'a>)> {
-        let member = self.members.get(which as usize)?;
+        let member = self.members.get(which)?;
         let make = || member.run.reader(self.origin);
         if let Some(slot) = self.known.get_mut(which as usize) {
             return Some((member, slot.get_or_insert_with(make)));
@@ -515,7 +514,7 @@ fn local(present: &[u32], member: u32) -> u32 {
 /// Box of a few records in the assembly's frame, and the largest
 /// [`InstanceFootprint::spread`](crate::instancing::placement::InstanceFootprint), measured exactly: a chunk that is
 /// much smaller than a step of the lattice gets a frame about its own middle. `None` for many records.
-fn measured_box(members: &[AssemblyMember], ranks: &[u32], which: &IndexSet) -> Option<([DVec3; 2], f64)> {
+fn measured_box(members: &ChunkMembers, ranks: &[u32], which: &IndexSet) -> Option<([DVec3; 2], f64)> {
     if ranks.len() > SCATTERED {
         return None;
     }

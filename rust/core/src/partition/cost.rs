@@ -15,13 +15,13 @@ const FEW_RECORDS: u64 = 1024;
 const MAX_CLOSURE: u64 = 64;
 
 /// Device bytes of the assets of a snapshot.
-#[derive(Debug, Default)]
+#[derive(Debug, Default, PartialEq, Eq)]
 pub(crate) struct AssetCosts {
     meshes: Vec<u64>,
     assemblies: Vec<AssemblyCost>,
 }
 
-#[derive(Debug)]
+#[derive(Debug, PartialEq, Eq)]
 struct AssemblyCost {
     own: u64,
     /// Bytes of a target with everything that is placed inside.
@@ -93,9 +93,9 @@ impl AssetCosts {
 }
 
 /// The rule that decides which cells of one assembly must be cut.
-#[derive(Debug)]
-pub(crate) struct CutRule<'a> {
-    pub(crate) costs: &'a AssetCosts,
+#[derive(Debug, PartialEq, Eq)]
+pub(crate) struct CutRule {
+    pub(crate) costs: Arc<AssetCosts>,
     pub(crate) chunk_bytes: u64,
     /// Device bytes of a record with its values.
     pub(crate) record_bytes: u64,
@@ -103,7 +103,7 @@ pub(crate) struct CutRule<'a> {
     pub(crate) totals: FxHashMap<InstanceTarget, u64>,
 }
 
-impl CutRule<'_> {
+impl CutRule {
     /// Returns true if `records` alone are too many.
     pub(crate) fn is_too_long(&self, records: u64) -> bool {
         records > 1 && records.saturating_mul(self.record_bytes) > self.chunk_bytes

@@ -17,8 +17,9 @@ use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 
 use super::chunk::{Chunk, MemberReaders};
+use super::chunk_members::ChunkMembers;
 use super::part::{AssemblyPart, PartitionJob};
-use crate::instancing::assembly::{AssemblyMember, MovedRanks};
+use crate::instancing::assembly::{Assembly, AssemblyMember, MovedRanks};
 use crate::instancing::diff::ChangedNumbers;
 use crate::instancing::item::PlacementItem;
 use crate::mesh::Aabb;
@@ -47,7 +48,9 @@ enum MovedRecords {
 
 /// The members of an assembly while its chunks are held.
 struct HeldMembers<'a> {
-    members: Vec<&'a AssemblyMember>,
+    assembly: &'a Arc<Assembly>,
+    /// Members with records in chunks, with their numbers in the assembly.
+    members: Vec<(u32, &'a AssemblyMember)>,
     /// What moved of each.
     moved: Vec<MovedRecords>,
     /// Place of the member of each lasting id.
@@ -60,25 +63,25 @@ impl AssemblyPart {
         if !job.holds || !self.is_cut_for(job.chunk_bytes) || job.assembly.is_split_mesh() {
             return None;
         }
-        let members: Vec<&AssemblyMember> = job.inside().map(|(_, member)| member).collect();
+        let members: Vec<(u32, &AssemblyMember)> = job.inside().collect();
         let known = self.known_members();
         if known.len() != members.len() {
             return None;
         }
-        let pairs = known.zip(&members).map(|((_, known), member)| known.moved_ranks(member));
+        let pairs = known.zip(&members).map(|((_, known), (_, member))| known.moved_ranks(member));
         let moved: Vec<MovedRanks> = pairs.collect::<Option<_>>()?;
-        let counts = members.iter().zip(&moved).map(|(member, moved)| moved.count(member));
+        let counts = members.iter().zip(&moved).map(|((_, member), moved)| moved.count(member));
         let count: usize = counts.sum();
         let whole = members.iter().zip(&moved).filter(|(_, moved)| matches!(moved, MovedRanks::All));
-        let whole = whole.filter(|(member, _)| member.run.is_measured());
-        let items: usize = whole.map(|(member, _)| member.run.len()).sum();
+        let whole = whole.filter(|((_, member), _)| member.run.is_measured());
+        let items: usize = whole.map(|((_, member), _)| member.run.len()).sum();
         let is_held = self.chunks.iter().any(|chunk| chunk.is_held());
         if (count < HELD_FROM && !is_held) || (items * size_of::<PlacementItem>()) as u64 > job.item_bytes {
             return None;
         }
-        let moved = members.iter().zip(&moved).map(|(member, moved)| MovedRecords::of(member, moved)).collect();
+        let moved = members.iter().zip(&moved).map(|((_, member), moved)| MovedRecords::of(member, moved)).collect();
         let places = self.known_members().zip(0..).map(|((id, _), place)| (id, place)).collect();
-        let held = HeldMembers { members, moved, places };
+        let held = HeldMembers { assembly: job.assembly, members, moved, places };
         let chunks = self.chunks.par_iter().with_max_len(1).map(|chunk| held.chunk(chunk));
         let chunks = chunks.collect::<Option<Vec<Arc<Chunk>>>>().filter(|chunks| are_near(chunks));
         if chunks.is_none() {
@@ -126,7 +129,7 @@ impl MovedRecords {
 }
 
 /// Whether some record of a chunk, whose members are given with what moved of each, is somewhere where nobody looked.
-fn has_late(chunk: &Chunk, members: &[AssemblyMember], moved: &[&MovedRecords]) -> bool {
+fn has_late(chunk: &Chunk, members: &ChunkMembers, moved: &[&MovedRecords]) -> bool {
     let numbers: Vec<_> = members.iter().map(|member| member.run.numbers()).collect();
     let is_late = |(which, rank): (u32, u32)| match moved.get(which as usize) {
         Some(MovedRecords::Late) => true,
@@ -144,11 +147,12 @@ impl HeldMembers<'_> {
     fn chunk(&self, chunk: &Arc<Chunk>) -> Option<Arc<Chunk>> {
         let places: Vec<usize> = chunk.ids.iter().map(|id| self.places.get(id).copied()).collect::<Option<_>>()?;
         let moved: Vec<&MovedRecords> = places.iter().map(|&place| self.moved.get(place)).collect::<Option<_>>()?;
+        let numbers = places.iter().filter_map(|&place| Some(self.members.get(place)?.0));
+        let members = ChunkMembers::new(self.assembly, numbers.collect());
         if moved.iter().all(|moved| matches!(moved, MovedRecords::Nothing)) {
+            chunk.set_members(members);
             return Some(Arc::clone(chunk));
         }
-        let members: Arc<[AssemblyMember]> =
-            places.iter().filter_map(|&place| self.members.get(place)).map(|&member| member.clone()).collect();
         if chunk.is_late() || moved.iter().any(|moved| moved.is_late()) && has_late(chunk, &members, &moved) {
             let bounds = chunk.bounds().union(&sampled(chunk, &members));
             return Some(Arc::new(chunk.moved(members, bounds, true)));
@@ -163,7 +167,7 @@ impl HeldMembers<'_> {
                     Some(word) if word >> (rank % 64) & 1 == 1 => readers.item(which, rank)?,
                     _ => continue,
                 },
-                MovedRecords::All(items) => *items.get(members.get(which as usize)?.run.usable_before(rank))?,
+                MovedRecords::All(items) => *items.get(members.get(which)?.run.usable_before(rank))?,
             };
             let (center, half) = (item.center(), DVec3::from(item.half().map(f64::from)));
             around = [around[0].min(center - half), around[1].max(center + half)];
@@ -183,7 +187,7 @@ impl HeldMembers<'_> {
 
     /// Leaves the items to those who cut.
     fn give_back(self) {
-        for (member, moved) in self.members.into_iter().zip(self.moved) {
+        for ((_, member), moved) in self.members.into_iter().zip(self.moved) {
             if let MovedRecords::All(items) = moved {
                 member.run.keep_items(items);
             }
@@ -192,7 +196,7 @@ impl HeldMembers<'_> {
 }
 
 /// The box of a few records of a chunk where they are now.
-fn sampled(chunk: &Chunk, members: &[AssemblyMember]) -> Aabb {
+fn sampled(chunk: &Chunk, members: &ChunkMembers) -> Aabb {
     let mut readers = MemberReaders::new(members, None);
     let step = chunk.len().div_ceil(SAMPLES).max(1);
     let places = (0..chunk.len()).step_by(step).filter_map(|at| chunk.place(at));

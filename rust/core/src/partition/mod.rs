@@ -15,6 +15,7 @@ mod buckets;
 mod cells;
 mod changes;
 mod chunk;
+mod chunk_members;
 mod cost;
 mod gather;
 mod hold;

@@ -14,6 +14,7 @@ use super::buckets::OrderBuckets;
 use super::cells::{ChunkCutter, OrderPiece};
 use super::changes::MemberChanges;
 use super::chunk::{AssemblyMembers, Chunk};
+use super::chunk_members::ChunkMembers;
 use super::cost::{AssetCosts, CutRule};
 use super::gather::sorted;
 use super::lattice::MortonLattice;
@@ -26,6 +27,8 @@ use crate::instancing::instance_primvars::{MemberPrimvar, value_bytes};
 use crate::instancing::item::PlacementItem;
 use crate::mesh::Aabb;
 
+/// Where no more than one chunk in so many changes, threads take several at once.
+const SPARSE: usize = 8;
 /// Number of items that a task puts on the lattice.
 const PLACED: usize = 1 << 12;
 
@@ -38,14 +41,16 @@ pub(crate) struct AssemblyPart {
     /// Chunks in Morton order.
     pub(crate) chunks: Vec<Arc<Chunk>>,
     next_id: u32,
-    /// The chunk size that they were cut for.
-    chunk_bytes: u64,
+    /// The rule that they were cut by.
+    rule: Option<CutRule>,
 }
 
 /// A member and its lasting id.
 #[derive(Clone, Debug)]
 struct KnownMember {
     id: u32,
+    /// Its number in the assembly.
+    number: u32,
     member: AssemblyMember,
 }
 
@@ -74,8 +79,8 @@ enum UpdatedChunk {
 /// The inputs of a partition.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PartitionJob<'a> {
-    pub(crate) assembly: &'a Assembly,
-    pub(crate) costs: &'a AssetCosts,
+    pub(crate) assembly: &'a Arc<Assembly>,
+    pub(crate) costs: &'a Arc<AssetCosts>,
     pub(crate) chunk_bytes: u64,
     /// By assembly: true if it is opened.
     pub(crate) opened: &'a [bool],
@@ -102,18 +107,18 @@ impl<'a> PartitionJob<'a> {
     }
 
     /// The rule by which cells are cut.
-    pub(crate) fn rule(&self) -> CutRule<'a> {
+    pub(crate) fn rule(&self) -> CutRule {
         let mut totals: FxHashMap<InstanceTarget, u64> = FxHashMap::default();
         self.inside().for_each(|(_, m)| *totals.entry(m.target).or_default() += m.run.len() as u64);
         let record_bytes = RECORD_BYTES + value_bytes(self.assembly.columns());
-        CutRule { costs: self.costs, chunk_bytes: self.chunk_bytes, record_bytes, totals }
+        CutRule { costs: Arc::clone(self.costs), chunk_bytes: self.chunk_bytes, record_bytes, totals }
     }
 }
 
 impl AssemblyPart {
     /// Returns true if its chunks were cut for this size.
     pub(super) fn is_cut_for(&self, chunk_bytes: u64) -> bool {
-        self.lattice.is_some() && self.chunk_bytes == chunk_bytes
+        self.rule.as_ref().is_some_and(|rule| rule.chunk_bytes == chunk_bytes)
     }
 
     /// Lasting ids and members of the last partition, in order.
@@ -125,7 +130,8 @@ impl AssemblyPart {
     pub(crate) fn update(&mut self, job: PartitionJob<'_>) {
         if let Some(chunks) = self.hold(job) {
             self.chunks = chunks;
-            self.members.iter_mut().zip(job.inside()).for_each(|(known, (_, member))| known.member = member.clone());
+            let members = self.members.iter_mut().zip(job.inside());
+            members.for_each(|(known, (number, member))| (known.number, known.member) = (number, member.clone()));
             return;
         }
         let lattice = job.lattice();
@@ -135,21 +141,23 @@ impl AssemblyPart {
         let changes = self.changes(job);
         let rule = job.rule();
         let roster = AssemblyMembers {
-            members: job.assembly.members(),
+            assembly: job.assembly,
             ids: &changes.ids,
             keeps_frame: job.assembly.is_split_mesh(),
         };
-        let cutter = ChunkCutter { rule: &rule, roster, lattice: &lattice, member_of: &changes.member_of };
+        let is_known = self.rule.as_ref() == Some(&rule);
+        let cutter = ChunkCutter { rule: &rule, roster, lattice: &lattice, member_of: &changes.member_of, is_known };
         let chunks =
             self.cut_anew(&cutter, &changes, job).unwrap_or_else(|| self.cut_again(&cutter, &changes, job.item_bytes));
         let known = job.inside().map(|(number, member)| KnownMember {
             id: changes.ids.get(number as usize).copied().unwrap_or(u32::MAX),
+            number,
             member: member.clone(),
         });
         self.members = known.collect();
         self.chunks = chunks;
         self.next_id = changes.next_id;
-        self.chunk_bytes = job.chunk_bytes;
+        self.rule = Some(rule);
     }
 
     /// All chunks, cut in stretches, if there are too many new items to hold them at once.
@@ -178,7 +186,7 @@ impl AssemblyPart {
             &made
         };
         let chunks = RankStretches { cutter, buckets, most }.cut(&members, known.is_none());
-        Some(self.with_known(chunks, changes, cutter.roster.members))
+        Some(self.with_known(chunks, changes, cutter.roster.assembly))
     }
 
     /// The chunks, with earlier ones in place of new ones that are the same.
@@ -186,7 +194,7 @@ impl AssemblyPart {
         &self,
         mut chunks: Vec<Arc<Chunk>>,
         changes: &MemberChanges,
-        members: &[AssemblyMember],
+        assembly: &Arc<Assembly>,
     ) -> Vec<Arc<Chunk>> {
         let name = |chunk: &Chunk| (chunk.codes, chunk.ids.first().copied(), chunk.ranks.first().copied());
         let cut = self.chunks.iter().filter(|chunk| !chunk.is_held());
@@ -195,7 +203,7 @@ impl AssemblyPart {
         chunks.par_iter_mut().for_each(|chunk| {
             let known = old.get(&name(chunk)).filter(|old| old.has_places_of(chunk));
             if let Some(known) = known.filter(|old| !changes.revalues(old) && !changes.edits(&edited, old)) {
-                rebind(known, changes, members);
+                rebind(known, changes, assembly);
                 *chunk = Arc::clone(known);
             }
         });
@@ -207,7 +215,7 @@ impl AssemblyPart {
         let (roster, lattice) = (cutter.roster, cutter.lattice);
         // Held chunks are dissolved, wherever their records are by now.
         let (held, chunks): (Vec<_>, Vec<_>) = self.chunks.iter().cloned().partition(|chunk| chunk.is_held());
-        let mut new = new_items(roster.members, changes, lattice);
+        let mut new = new_items(roster.assembly.members(), changes, lattice);
         let places = OnceLock::new();
         let melt = |chunk: &Chunk| {
             let changed: &FxHashSet<_> = places.get_or_init(|| changes.places());
@@ -220,12 +228,14 @@ impl AssemblyPart {
         let lost = self.lost_items(changes, lattice);
         let edits = ChunkEdits::of_chunks(&chunks, &lost, &gained);
         let fates = fates(&chunks, changes, &edits);
+        // Chunks that are kept cost next to nothing: of many, a task takes several.
+        let is_sparse = fates.iter().filter(|fate| **fate != ChunkUpdate::Keep).count() * SPARSE < fates.len();
         let done: Vec<UpdatedChunk> = (&chunks, &edits, &fates)
             .into_par_iter()
-            .with_max_len(1)
+            .with_max_len(if is_sparse { usize::MAX } else { 1 })
             .map(|(chunk, edits, fate)| match fate {
                 ChunkUpdate::Keep => {
-                    rebind(chunk, changes, roster.members);
+                    rebind(chunk, changes, roster.assembly);
                     UpdatedChunk::Kept(chunk.clone())
                 }
                 ChunkUpdate::Revalue => UpdatedChunk::Kept(Arc::new(cutter.revalued(chunk))),
@@ -242,6 +252,9 @@ impl AssemblyPart {
             })
             .collect();
         let items = loose(gained, &edits, &done);
+        // What is left of a cell from which a whole chunk is gone may be fewer chunks than before.
+        let lost_none = held.is_empty() && done.iter().all(UpdatedChunk::is_there);
+        let cutter = ChunkCutter { is_known: cutter.is_known && lost_none, ..*cutter };
         cutter.cut(&pieces(done.iter().filter_map(UpdatedChunk::chunk), &items))
     }
 
@@ -282,13 +295,10 @@ impl AssemblyPart {
             let edit = known.and_then(|(_, known)| known.member.edit_to(member));
             let id = match (known, edit) {
                 (Some((at, known)), Some(edited)) => {
-                    if !Arc::ptr_eq(&known.member.run, &member.run) {
-                        changes.rebound.insert(known.id);
-                    }
+                    changes.is_renumbered |= known.number != number;
                     if !MemberPrimvar::are_same(&known.member.primvars, &member.primvars) {
                         let numbers = MemberPrimvar::changes(&known.member.primvars, &member.primvars);
                         changes.revalued.insert(known.id, numbers);
-                        changes.rebound.insert(known.id);
                     }
                     if let Some(ranks) = edited {
                         changes.edited.push((number, at, ranks));
@@ -314,6 +324,11 @@ impl AssemblyPart {
 }
 
 impl UpdatedChunk {
+    /// Whether some of its records are where they were.
+    fn is_there(&self) -> bool {
+        !matches!(self, Self::Melted(items) if items.is_empty())
+    }
+
     fn chunk(&self) -> Option<&Arc<Chunk>> {
         match self {
             Self::Kept(chunk) | Self::Patched(chunk) => Some(chunk),
@@ -403,11 +418,16 @@ fn new_items(members: &[AssemblyMember], changes: &MemberChanges, lattice: &Mort
 }
 
 /// Makes a kept chunk read the present arrays, so that old ones can be freed. It changes no record.
-fn rebind(chunk: &Chunk, changes: &MemberChanges, members: &[AssemblyMember]) {
-    if chunk.ids.iter().any(|id| changes.rebound.contains(id)) {
-        let present = chunk.ids.iter().filter_map(|id| members.get(*changes.member_of.get(id)? as usize).cloned());
-        chunk.set_members(present.collect());
+fn rebind(chunk: &Chunk, changes: &MemberChanges, assembly: &Arc<Assembly>) {
+    let members = chunk.members();
+    if members.is_in(assembly) {
+        return;
     }
+    chunk.set_members(if changes.is_renumbered {
+        ChunkMembers::new(assembly, chunk.ids.iter().filter_map(|id| changes.member_of.get(id).copied()).collect())
+    } else {
+        members.in_assembly(assembly)
+    });
 }
 
 /// Kept chunks and sorted items between them, in order.

@@ -14,19 +14,24 @@ use crate::mesh::{Aabb, Bvh2, BvhNode, build_box_bvh};
 /// Rounding of an origin held as two floats, and of f64 arithmetic on the way to it.
 const ORIGIN_ERROR: f64 = 1.0 / (1_u64 << 44) as f64;
 
+/// Number of chunks that a task places.
+const TASK: usize = 1 << 8;
+
 /// Chunks `first ..` of the world, placed at each of `placements`. Gives what is out of range as `None`.
 pub(crate) fn place_chunks(
     placements: &[OpenedPlacement],
     chunks: &[std::sync::Arc<Chunk>],
     first: u32,
 ) -> Vec<Option<ChunkInstance>> {
-    placements
-        .par_iter()
-        .flat_map_iter(|at| {
-            let inverse = inverse(&at.frame.matrix3);
-            chunks.iter().zip(first..).map(move |(chunk, number)| place_chunk(at, inverse, chunk, number))
+    let inverses: Vec<Option<DMat3>> = placements.par_iter().map(|at| inverse(&at.frame.matrix3)).collect();
+    let all = placements.par_iter().zip(inverses).flat_map(|(at, inverse)| {
+        let numbered = chunks.par_iter().with_min_len(TASK).enumerate();
+        numbered.filter_map(move |(k, chunk)| {
+            // The world has fewer than 2^32 chunks.
+            Some(place_chunk(at, inverse, chunk, first.checked_add(u32::try_from(k).ok()?)?))
         })
-        .collect()
+    });
+    all.collect()
 }
 
 fn place_chunk(at: &OpenedPlacement, inverse: Option<DMat3>, chunk: &Chunk, number: u32) -> Option<ChunkInstance> {

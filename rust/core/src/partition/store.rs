@@ -116,7 +116,7 @@ impl PartitionStore {
         if self.seen.as_ref().is_some_and(|seen| seen.is_of(self.options, source)) {
             return Some(self.world.clone());
         }
-        let costs = AssetCosts::new(source.meshes, source.assemblies);
+        let costs = Arc::new(AssetCosts::new(source.meshes, source.assemblies));
         let mut limit = self.options.chunk_bytes().saturating_mul(OPEN_ABOVE);
         loop {
             let opened = source.opened(&costs, limit);
@@ -143,7 +143,7 @@ impl PartitionStore {
     }
 
     /// Whether all chunks of the root are held.
-    fn can_hold(&self, source: PartitionSource<'_>, costs: &AssetCosts, opened: &[bool]) -> bool {
+    fn can_hold(&self, source: PartitionSource<'_>, costs: &Arc<AssetCosts>, opened: &[bool]) -> bool {
         let root = source.groups.last().zip(source.assemblies.last());
         root.is_some_and(|(group, assembly)| {
             let part = self.parts.get(*group);
@@ -153,8 +153,8 @@ impl PartitionStore {
 
     fn job<'a>(
         &self,
-        assembly: &'a Assembly,
-        costs: &'a AssetCosts,
+        assembly: &'a Arc<Assembly>,
+        costs: &'a Arc<AssetCosts>,
         opened: &'a [bool],
         buckets: Option<&'a OrderBuckets>,
     ) -> PartitionJob<'a> {
@@ -163,7 +163,12 @@ impl PartitionStore {
     }
 
     /// Brings the chunks of all opened assemblies up to date.
-    fn partition(&mut self, source: PartitionSource<'_>, costs: &AssetCosts, opened: &[bool]) -> Vec<Vec<Arc<Chunk>>> {
+    fn partition(
+        &mut self,
+        source: PartitionSource<'_>,
+        costs: &Arc<AssetCosts>,
+        opened: &[bool],
+    ) -> Vec<Vec<Arc<Chunk>>> {
         let mut old = std::mem::take(&mut self.parts);
         let all = source.groups.iter().zip(source.assemblies).zip(source.buckets).zip(opened);
         all.map(|(((group, assembly), buckets), &is_opened)| {

@@ -83,7 +83,7 @@ impl PartitionedWorld {
     }
 
     fn validate_measured(&self, meshes: &[Arc<SceneMesh>], assemblies: &[Arc<Assembly>]) -> Result<(), WorldError> {
-        let costs = AssetCosts::new(meshes, assemblies);
+        let costs = Arc::new(AssetCosts::new(meshes, assemblies));
         let mut opened = vec![false; assemblies.len()];
         for part in &self.opened {
             *opened.get_mut(part.assembly as usize).ok_or(WorldError::Count("an opened assembly"))? = true;
@@ -211,7 +211,7 @@ impl PartitionCheck<'_> {
         let (mut targets, mut items) = (FxHashSet::default(), Vec::with_capacity(chunk.len()));
         for (k, record) in records.iter().enumerate() {
             let (which, rank) = chunk.place(k).ok_or("a record has no place")?;
-            let member = members.get(which as usize).ok_or("a record has no member")?;
+            let member = members.get(which).ok_or("a record has no member")?;
             let number = *self.numbers.get(&address(member)).ok_or("a member is not of this assembly")?;
             let present = &self.job.assembly.members()[number as usize];
             if (present.target, present.prim_id) != (member.target, member.prim_id) {
@@ -283,7 +283,7 @@ impl PartitionCheck<'_> {
             let members = chunk.members();
             for at in 0..chunk.len() {
                 let (which, rank) = chunk.place(at).ok_or("a record has no place")?;
-                let member = members.get(which as usize).ok_or("a record has no member")?;
+                let member = members.get(which).ok_or("a record has no member")?;
                 let number = *self.numbers.get(&address(member)).ok_or("a member is not of this assembly")?;
                 let mut item = member.run.reader(None).item(rank).ok_or("a record is not usable")?;
                 self.lattice.place(&mut item, number);
@@ -303,7 +303,7 @@ impl PartitionCheck<'_> {
             for chunk in cell {
                 let members = chunk.members();
                 for at in 0..chunk.len() {
-                    let target = chunk.place(at).and_then(|(which, _)| members.get(which as usize)).map(|m| m.target);
+                    let target = chunk.place(at).and_then(|(which, _)| members.get(which)).map(|m| m.target);
                     *placed.entry(target.ok_or("a record has no member")?).or_default() += 1;
                 }
             }

@@ -6,7 +6,7 @@ mod reader;
 mod rescan;
 mod scan;
 
-use std::sync::{Arc, Mutex, Weak};
+use std::sync::{Arc, Mutex, OnceLock, Weak};
 
 use glam::{DAffine3, DVec3};
 
@@ -127,6 +127,8 @@ pub(crate) struct InstanceRun {
     bad: Vec<u32>,
     /// Number of ranks: instances left by the mask.
     ranks: u32,
+    /// Whether ranks are in the order of their instances, once it was asked for.
+    is_ascending: OnceLock<bool>,
     /// Box of each stretch of `scan::BLOCK` ranks.
     blocks: Vec<Aabb>,
     bounds: Aabb,
@@ -172,6 +174,7 @@ impl InstanceRun {
             among_all: None,
             bad: Vec::new(),
             ranks: 0,
+            is_ascending: OnceLock::new(),
             blocks: Vec::new(),
             bounds: Aabb::EMPTY,
             dropped: DroppedData::default(),

@@ -25,6 +25,7 @@ impl InstanceRun {
             among_all: old.among_all.clone(),
             bad: old.bad.clone(),
             ranks: old.ranks,
+            is_ascending: old.is_ascending.clone(),
             blocks: old.blocks.clone(),
             bounds: Aabb::EMPTY,
             dropped: old.dropped,
@@ -74,6 +75,7 @@ impl InstanceRun {
             among_all: old.among_all.clone(),
             bad: old.bad.clone(),
             ranks: old.ranks,
+            is_ascending: old.is_ascending.clone(),
             blocks: Vec::new(),
             bounds: old.bounds,
             dropped: old.dropped,
@@ -158,8 +160,31 @@ impl InstanceRun {
             return None;
         }
         let (unmasked, indices) = (self.unmasked.as_ref().map(|n| &n[..]), old.indices.view());
-        let is_changed = |rank: u32| number(unmasked, &indices, rank as usize).is_some_and(|n| changed.contains(n));
+        let number_of = |rank: u32| number(unmasked, &indices, rank as usize);
+        if let Some(numbers) = changed.few().filter(|_| self.is_ascending()) {
+            let rank_of = |wanted: usize| {
+                let (mut low, mut high) = (0, self.ranks);
+                while low < high {
+                    let middle = low.midpoint(high);
+                    if number_of(middle).is_none_or(|n| n < wanted) { low = middle + 1 } else { high = middle }
+                }
+                (low < self.ranks && number_of(low) == Some(wanted)).then_some(low)
+            };
+            return Some(numbers.into_iter().filter_map(rank_of).collect());
+        }
+        let is_changed = |rank: u32| number_of(rank).is_some_and(|n| changed.contains(n));
         Some((0..self.ranks).into_par_iter().with_min_len(TASK).filter(|&rank| is_changed(rank)).collect())
+    }
+
+    /// Whether ranks are in the order of their instances, none of them without one. Looks at all ranks once.
+    fn is_ascending(&self) -> bool {
+        *self.is_ascending.get_or_init(|| {
+            let Some(instances) = &self.spec.instances else { return false };
+            let (unmasked, indices) = (self.unmasked.as_ref().map(|n| &n[..]), instances.indices.view());
+            let number_of = |rank: u32| number(unmasked, &indices, rank as usize);
+            let follows = |rank: u32| number_of(rank).is_some_and(|n| rank == 0 || number_of(rank - 1) < Some(n));
+            (0..self.ranks).into_par_iter().with_min_len(TASK).all(follows)
+        })
     }
 
     /// Ranks that may differ from those of `old`, if this run was made from it.
