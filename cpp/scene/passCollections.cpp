@@ -88,6 +88,12 @@ bool HdOocPTPassCollections::Read(const HdSceneIndexBase& scene, HdOocPTWarnings
     return !isSame;
 }
 
+bool HdOocPTPassCollections::IsActive() const
+{
+    return std::any_of(
+        _collections.begin(), _collections.end(), [](const auto& collection) { return collection.has_value(); });
+}
+
 HdOocPTPassMarks HdOocPTPassCollections::_Match(const SdfPath& path) const
 {
     const auto holds = [&](_Place place, const SdfPath& tested, bool otherwise) {
@@ -108,9 +114,7 @@ HdOocPTPassMarks HdOocPTPassCollections::_Match(const SdfPath& path) const
 HdOocPTPassMarks HdOocPTPassCollections::Find(
     const HdSceneIndexBase& scene, const SdfPath& path, const HdOocPTPrimState& prim, HdOocPTWarnings* warnings) const
 {
-    const bool isIdle = std::none_of(
-        _collections.begin(), _collections.end(), [](const auto& collection) { return collection.has_value(); });
-    if (isIdle) {
+    if (!IsActive()) {
         return {};
     }
     const SdfPathVector paths = HdOocPTFindStagePaths(scene, path, prim.instancedBy);

@@ -41,6 +41,9 @@ public:
     /// cannot be used, which are left out, and of a pass that the front end does not hand over.
     bool Read(const HdSceneIndexBase& scene, HdOocPTWarnings* warnings);
 
+    /// Returns true if the pass has any collection.
+    bool IsActive() const;
+
     /// What the pass makes of a prim or a light as it was last read. What instancers place is in the collections of its
     /// outermost native instance, or of its own path below a point instancer. Where instances of one prototype differ
     /// in that the first counts, with a warning.

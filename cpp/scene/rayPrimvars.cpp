@@ -58,6 +58,11 @@ HdOocPTRayPrimvars HdOocPTReadRayPrimvars(const HdContainerDataSourceHandle& con
         return found;
     }
     for (const TfToken& name : names) {
+        TfToken interpolation = tokens.constant;
+        HdOocPTConvert(HdOocPTRead(primvars, { name, tokens.interpolation }), &interpolation);
+        if (interpolation != tokens.constant) {
+            continue;
+        }
         const VtValue value = HdOocPTRead(primvars, { name, tokens.primvarValue });
         if (const std::optional<std::string> text = value.IsEmpty() ? std::nullopt : _Text(value)) {
             found.emplace_back(name.GetString(), *text);

@@ -92,9 +92,7 @@ void HdOocPTSceneReader::Read(const PrimIdLookup& primIdOf, oocpt::SceneEdits* e
             HdOocPTDirtyTransform | HdOocPTDirtyInstancePrimvars | HdOocPTDirtyPoints, &dirty);
     }
     _ReadLinks(&dirty, warnings);
-    if (_pass.Read(*_scene, warnings)) {
-        _Mark({ HdOocPTPrimKind::Mesh, HdOocPTPrimKind::Light }, HdOocPTDirtyCategories, &dirty);
-    }
+    _ReadPass(&dirty, warnings);
     _ReadPurposes(&dirty, warnings);
     std::vector<_Job> jobs = _MakeJobs(dirty, warnings);
     _RunJobs(&jobs, primIdOf, warnings);
@@ -244,6 +242,20 @@ void HdOocPTSceneReader::_ReadLinks(_DirtyBits* dirty, HdOocPTWarnings* warnings
         _Mark({ HdOocPTPrimKind::Mesh, HdOocPTPrimKind::Instancer }, HdOocPTDirtyCategories, dirty);
     } else if (changed == HdOocPTLinkChange::Instances) {
         _Mark({ HdOocPTPrimKind::Instancer }, HdOocPTDirtyCategories, dirty);
+    }
+}
+
+void HdOocPTSceneReader::_ReadPass(_DirtyBits* dirty, HdOocPTWarnings* warnings)
+{
+    const bool isNew = _pass.Read(*_scene, warnings);
+    // What an instancer places is in the collections of its instances.
+    const auto places = [&](const auto& entry) {
+        const auto known = _records.find(entry.first);
+        return known != _records.end() && known->second && known->second->kind == HdOocPTPrimKind::Instancer
+            && (entry.second & (HdOocPTDirtyInstances | HdOocPTDirtyInstancedBy));
+    };
+    if (isNew || (_pass.IsActive() && std::any_of(dirty->begin(), dirty->end(), places))) {
+        _Mark({ HdOocPTPrimKind::Mesh, HdOocPTPrimKind::Light }, HdOocPTDirtyCategories, dirty);
     }
 }
 

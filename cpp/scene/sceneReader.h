@@ -121,6 +121,8 @@ private:
     void _TakeRemovals(const std::vector<SdfPath>& removed, oocpt::SceneEdits* edits, _DirtyBits* dirty);
     void _TakeChanges(const HdOocPTSceneChanges& changes, oocpt::SceneEdits* edits, _DirtyBits* dirty);
     void _ReadLinks(_DirtyBits* dirty, HdOocPTWarnings* warnings);
+    /// Reads the active render pass; marks what it may have changed.
+    void _ReadPass(_DirtyBits* dirty, HdOocPTWarnings* warnings);
     /// Applies the active render pass to a light as it was last read.
     void _ApplyPass(const HdOocPTPrimSource& source, oocpt::LightDesc* light) const;
     /// Marks prims of these kinds to be read again.

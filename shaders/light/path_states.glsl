@@ -77,8 +77,8 @@ void end_light_parts() {
     part_factor = vec3(0.0);
 }
 
-// Adds a light that a ray meets; `light` holds its multipliers already.
-void add_light_part(uint event, uint64_t labels, uint index, float diffuse, float specular, vec3 light) {
+// Adds a light that a ray meets; `light` holds its multipliers already. `alone`: shadow rays do not ask for it.
+void add_light_part(uint event, uint64_t labels, uint index, float diffuse, float specular, vec3 light, bool alone) {
     if (!HAS_PATH_EXPRESSIONS || !(max_component(part_factor) > 0.0) || !(max_component(light) > 0.0)) return;
     GpuPathStates s = states_at_light(part_states, event, ConstUints(labels).v[index]);
     if (HAS_LIGHT_LOBES && diffuse != specular) {
@@ -87,7 +87,7 @@ void add_light_part(uint event, uint64_t labels, uint index, float diffuse, floa
             s.share[c] = all > 0.0 ? min(diffuse * s.share[c] / all, 1.0) : 0.0;
         }
     }
-    add_light_parts(part_path, s, part_factor * light);
+    add_light_parts(part_path, s, part_factor * light, parts_found(alone));
 }
 
 // What a shadow ray has been sampled towards: set with LightSample. `sampled_share`: of its contribution, by channel,

@@ -24,10 +24,11 @@ struct LightSample {
     bool whole; // `contribution` holds the BSDF already
     float diffuse; // the light's multipliers
     float specular;
+    float unweighted; // with PATH_EXPRESSIONS: factor that takes the weight against the BSDF's ray away again
 };
 
 LightSample no_light_sample() {
-    return LightSample(vec3(0.0), INFINITE, vec3(0.0), 0u, 0u, 0u, 0.0, 1.0, false, false, false, false, 1.0, 1.0);
+    return LightSample(vec3(0.0), INFINITE, vec3(0.0), 0u, 0u, 0u, 0.0, 1.0, false, false, false, false, 1.0, 1.0, 1.0);
 }
 
 // With HAS_SHADOW_REACH: a random number of the shadow ray's own, in [0, 1).
@@ -158,6 +159,7 @@ LightSample sample_infinite_light(const Bsdf bsdf, vec3 wo, uint link_set, float
         }
         // Delta lobes of shadow-only lights are left to the rays.
         if (pdf > 0.0 || !alone) ls.contribution = light.radiance * weight / (alone ? chosen : 1.0 + chosen);
+        if (!alone) ls.unweighted = (1.0 + chosen) / chosen;
         return ls;
     }
     ls.density = chosen;
@@ -251,6 +253,7 @@ void finish_light_sample(inout LightSample ls, vec3 diffuse, vec3 specular, floa
         ls.contribution = ls.contribution * f * ls.scale;
     } else {
         ls.contribution *= f / (ls.weighs ? ls.density + density : ls.density);
+        if (HAS_PATH_EXPRESSIONS && ls.weighs) ls.unweighted = (ls.density + density) / ls.density;
     }
 }
 

@@ -38,7 +38,12 @@ void add_light(uint path) {
     if (walk.hit) contribution *= unpack_color(shadow_color);
     const vec4 before = ConstVec4s(FRAME.radiance).v[path];
     Vec4s(FRAME.radiance).v[path] = vec4(before.xyz + contribution, before.w);
-    if (HAS_PATH_EXPRESSIONS) add_light_parts(path, load_states(FRAME.shadow_states, path), contribution);
+    if (HAS_PATH_EXPRESSIONS) {
+        GpuPathStates states = load_states(FRAME.shadow_states, path);
+        const bool of_all = (states.states.x & STATES_OF_ALL) != 0u;
+        states.states.x &= ~STATES_OF_ALL;
+        add_light_parts(path, states, contribution, parts_found(of_all));
+    }
 }
 
 // Pushes paths that wait for their shadow ray only, and rays that wait.

@@ -52,9 +52,15 @@ GpuPathStates shadow_states;
 bool store_shadow_ray(uint path, Double3 origin, uint bounce, LightSample ls, vec3 throughput) {
     const vec3 contribution = clamp_contribution(path, throughput * ls.contribution, bounce > 0u);
     if (!(max_component(contribution) > 0.0)) return false;
+    // A mesh may be in its own way: it keeps its shadows.
+    if (HAS_PATH_EXPRESSIONS && ls.of_mesh) shadow_states.states.x |= STATES_OF_ALL;
+    if (HAS_PATH_EXPRESSIONS && AUTOMATON.unoccluded != 0u && !ls.of_mesh) {
+        const vec3 whole = clamp_contribution(path, throughput * (ls.contribution * ls.unweighted), bounce > 0u);
+        add_light_parts(path, shadow_states, whole, AUTOMATON.unoccluded);
+    }
     if ((ls.flags & LIGHT_NO_SHADOWS) != 0u) {
         add_radiance(path, contribution);
-        if (HAS_PATH_EXPRESSIONS) add_light_parts(path, shadow_states, contribution);
+        if (HAS_PATH_EXPRESSIONS) add_light_parts(path, shadow_states, contribution, parts_found(false));
         return false;
     }
     if (HAS_PATH_EXPRESSIONS) store_states(FRAME.shadow_states, path, shadow_states);
@@ -129,7 +135,7 @@ void shade(uint path, out bool asks, out bool go_on) {
         add_radiance(path, emitted);
         if (HAS_PATH_EXPRESSIONS) {
             add_light_parts(path, states_at_light(path_states(path, ray.bounce), EVENT_SURFACE,
-                                                  prim_label(surface.prim_id)), emitted);
+                                                  prim_label(surface.prim_id)), emitted, parts_found(true));
         }
     }
     if (only_lights) return;

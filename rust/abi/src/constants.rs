@@ -44,6 +44,7 @@ constants! {
     SHADOW_RAY_BYTES;
     BOUNCE_KIND_BITS;
     EVENT_COUNT;
+    STATES_OF_ALL;
     EVENT_LIGHT = PathEvent::Light as u32;
     EVENT_DOME = PathEvent::Dome as u32;
     EVENT_SURFACE = PathEvent::Surface as u32;

@@ -140,11 +140,8 @@ impl AssemblyPart {
         }
         let changes = self.changes(job);
         let rule = job.rule();
-        let roster = AssemblyMembers {
-            assembly: job.assembly,
-            ids: &changes.ids,
-            keeps_frame: job.assembly.is_split_mesh(),
-        };
+        let roster =
+            AssemblyMembers { assembly: job.assembly, ids: &changes.ids, keeps_frame: job.assembly.is_split_mesh() };
         let is_known = self.rule.as_ref() == Some(&rule);
         let cutter = ChunkCutter { rule: &rule, roster, lattice: &lattice, member_of: &changes.member_of, is_known };
         let chunks =

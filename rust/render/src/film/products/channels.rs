@@ -236,7 +236,8 @@ mod tests {
         let part = AovKind::from_token("lpe:C<RD>L").expect("an expression");
         assert_eq!([kind("C<RD> L", "lpe"), kind("color lpe:C<RD>L", "raw")], [Ok(part), Ok(part)], "not all light");
         assert!(kind("C<RD", "lpe").is_err_and(|text| text.contains("C<RD: character 5")), "no expression");
-        assert!(kind("unoccluded;C<RD>L", "lpe").is_err_and(|text| text.contains("unoccluded")), "an option");
+        assert!(kind("shadows;C<RD>L", "lpe").is_err_and(|text| text.contains("shadows")), "an option");
+        assert!(kind("unoccluded;C<RD>L", "lpe").is_ok(), "one that there is");
         let [black, lit] = ["CV", "CO"].map(|text| of_var(&var("x", "color3f", text, "lpe"), &[]).expect(text));
         assert_eq!([black.iter().filter_map(remark).count(), lit.iter().filter_map(remark).count()], [1, 0]);
         assert!(kind("st", "primvar").is_err() && kind("color", "sparkle").is_err());
