@@ -16,9 +16,9 @@ uint passing_bit(uint64_t ray) {
     return bit == 0u ? PRIM_NO_CAMERA : bit;
 }
 
-// Returns true if shadow rays alone find lights, as other rays may not see what shadow rays see.
+// Returns true if shadow rays alone find lights for diffuse lobes, as other rays may not see what shadow rays see.
 bool shadow_rays_alone() {
-    return HAS_PRIM_MASKS && (FRAME.flags & FLAG_SHADOW_RAYS_ALONE) != 0u;
+    return HAS_PRIM_MASKS && (FRAME.flags & FLAG_PARTED_SHADOWS) != 0u;
 }
 
 #endif

@@ -55,7 +55,7 @@ bool store_shadow_ray(uint path, Double3 origin, uint bounce, LightSample ls, ve
     // A mesh may be in its own way: it keeps its shadows.
     if (HAS_PATH_EXPRESSIONS && ls.of_mesh) shadow_states.states.x |= STATES_OF_ALL;
     if (HAS_PATH_EXPRESSIONS && AUTOMATON.unoccluded != 0u && !ls.of_mesh) {
-        const vec3 whole = clamp_contribution(path, throughput * (ls.contribution * ls.unweighted), bounce > 0u);
+        const vec3 whole = clamp_contribution(path, throughput * ls.unoccluded, bounce > 0u);
         add_light_parts(path, shadow_states, whole, AUTOMATON.unoccluded);
     }
     if ((ls.flags & LIGHT_NO_SHADOWS) != 0u) {
@@ -72,8 +72,9 @@ bool store_shadow_ray(uint path, Double3 origin, uint bounce, LightSample ls, ve
 }
 
 // Weight of the emission of a mesh that the ray has met, against the shadow ray of the bounce before.
-float emission_share(uint path, Ray ray, Surface surface, float pdf) {
-    if (ray.bounce == 0u || !(pdf > 0.0)) return 1.0;
+vec3 emission_share(uint path, Ray ray, Surface surface, float pdf) {
+    brought_specular = false;
+    if (ray.bounce == 0u || !(pdf > 0.0)) return vec3(1.0);
     set_light_time(path);
     const PreviousVertex from = load_previous_vertex(path, ray.o, pdf);
     const Double3 origin = Double3(ray.o, ray.o_lo);
@@ -84,8 +85,7 @@ float emission_share(uint path, Ray ray, Surface surface, float pdf) {
     const float other = mesh_light_density(from.receiver, origin, share, uint(surface.prim_id), surface.instance_id,
                                            mesh, surface.face,
                                            surface_material.material, surface.geometric_normal, distance, facing);
-    if (shadow_rays_alone() && other > 0.0) return 0.0;
-    return ray_weight(pdf, other);
+    return ray_weight(pdf, other) * brought_by_ray(1.0, 1.0, from, other > 0.0);
 }
 
 // The offset from the hit on a tube of hair to the point where a direction through it leaves: where the normal of a
@@ -99,7 +99,7 @@ vec3 way_around(const Bsdf bsdf, vec3 w, float offset) {
 }
 
 // Whether the share of diffuse lobes in what a surface has scattered is used.
-const bool KEEPS_SHARES = HAS_LIGHT_LOBES || HAS_PATH_EXPRESSIONS;
+const bool KEEPS_SHARES = HAS_LIGHT_LOBES || HAS_PATH_EXPRESSIONS || HAS_PRIM_MASKS;
 
 // Shades a hit: `asks` is set if a shadow ray was stored, `go_on` if the next ray was.
 void shade(uint path, out bool asks, out bool go_on) {
@@ -128,13 +128,16 @@ void shade(uint path, out bool asks, out bool go_on) {
         state.throughput *= exp(-shading.absorption * max(way, 0.0));
     }
     if (HAS_EMISSION && max_component(shading.emission) > 0.0) {
-        const float weight = HAS_MESH_LIGHTS ? emission_share(path, ray, surface, state.pdf) : 1.0;
+        vec3 weight = vec3(1.0);
+        if (HAS_MESH_LIGHTS) weight = emission_share(path, ray, surface, state.pdf);
         // As for other lights, light that shadow rays could find at bounce 0 is direct.
         const vec3 emitted = clamp_contribution(path, state.throughput * (shading.emission * weight),
                                                 ray.bounce > (HAS_MESH_LIGHTS ? 1u : 0u));
         add_radiance(path, emitted);
         if (HAS_PATH_EXPRESSIONS) {
-            add_light_parts(path, states_at_light(path_states(path, ray.bounce), EVENT_SURFACE,
+            GpuPathStates states = path_states(path, ray.bounce);
+            if (brought_specular) states.share = vec3(0.0);
+            add_light_parts(path, states_at_light(states, EVENT_SURFACE,
                                                   prim_label(surface.prim_id)), emitted, parts_found(true));
         }
     }

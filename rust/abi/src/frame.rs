@@ -63,9 +63,9 @@ bitflags! {
         const DOME_CAMERA_VISIBLE = 1;
         /// Samples end where they meet something first: no image of light is wanted.
         const FIRST_HITS = 2;
-        /// Some prim is in the way of shadow rays and not of others, or the other way round: what shadow rays see
-        /// counts, so they alone find lights, but for sharp lobes. With `Features::PRIM_MASKS` only.
-        const SHADOW_RAYS_ALONE = 4;
+        /// Some prim is in the way of shadow rays and not of others, or the other way round: shadow rays alone find
+        /// lights for diffuse lobes. With `Features::PRIM_MASKS` only.
+        const PARTED_SHADOWS = 4;
     }
 }
 

@@ -25,7 +25,7 @@ pub(crate) fn frame_block(context: &FrameContext<'_>, scene: &SceneView) -> Fram
     let mut flags = FrameFlags::empty();
     flags.set(FrameFlags::DOME_CAMERA_VISIBLE, lights.background_visible());
     flags.set(FrameFlags::FIRST_HITS, !film.has_light());
-    flags.set(FrameFlags::SHADOW_RAYS_ALONE, lights.shadow_rays_alone);
+    flags.set(FrameFlags::PARTED_SHADOWS, lights.parts_shadows);
     let exposure = job.request.camera.exposure();
     let part = job.request.part();
     let mut block = FrameConstants {

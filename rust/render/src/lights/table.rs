@@ -57,9 +57,8 @@ pub(crate) struct LightTable {
     pub(crate) local_reaches: Vec<[f32; 4]>,
     /// The reach of the shadows of each light at infinity.
     pub(crate) infinite_reaches: Vec<[f32; 4]>,
-    /// Whether shadow rays alone find lights, but for sharp lobes: some prim is in the way of them and not of other
-    /// rays, or the other way round.
-    pub(crate) shadow_rays_alone: bool,
+    /// Whether some prim is in the way of shadow rays and not of other rays, or the other way round.
+    pub(crate) parts_shadows: bool,
     /// Label of each local light in light path expressions.
     pub(crate) local_labels: Vec<Option<Arc<str>>>,
     /// Label of each light at infinity.
@@ -188,7 +187,7 @@ impl LightTable {
         };
         self.prim_masks = masks.chunks(4).map(word).collect();
         self.mask_count = u32::try_from(masks.len()).unwrap_or_default();
-        self.shadow_rays_alone = masks.iter().any(|mask| mask.parts_shadows());
+        self.parts_shadows = masks.iter().any(|mask| mask.parts_shadows());
     }
 
     /// Adds the meshes that emit light, beside the local lights.

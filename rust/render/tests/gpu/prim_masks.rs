@@ -196,6 +196,41 @@ fn shadow_rays_decide_where_a_prim_is_in_the_way_of_some_rays_alone() {
     }
 }
 
+/// In a glossy floor things are there or not as reflected rays say, before the sky and before a lamp.
+#[test]
+fn gloss_shows_what_reflected_rays_see() {
+    let ahead = DMat4::from_translation(DVec3::new(0.0, 5.0, -5.0)) * DMat4::from_rotation_x(PI / 4.0);
+    let lamp = |db: &mut SceneDb| {
+        let kind = LightKind::Sphere { radius: 4.0, treat_as_point: false };
+        let place = prim("/lamp", DMat4::from_translation(DVec3::new(0.0, 12.0, -12.0)));
+        db.upsert_light(LightDesc {
+            prim: place,
+            kind,
+            color: [1.0; 3],
+            camera_visible: false,
+            ..LightDesc::default()
+        });
+    };
+    let sky = |db: &mut SceneDb| db.upsert_light(LightDesc { camera_visible: false, ..dome([1.0; 3]) });
+    let kinds: [(&str, &dyn Fn(&mut SceneDb)); 2] = [("the sky", &sky), ("a lamp", &lamp)];
+    for (what, light) in kinds {
+        let shown = |mask: Option<PrimMask>| {
+            mean(&picture(settings(64, 1), &at_the_floor(), |db| {
+                floor(db, 0.03);
+                light(db);
+                let black = || board("/board", ahead, 2, 4.0, 0.0);
+                mask.into_iter().for_each(|mask| db.upsert_mesh(MeshDesc { mask, ..black() }));
+            }))
+        };
+        let (open, covered) = (shown(None), shown(Some(PrimMask::empty())));
+        assert!(open > 0.5 && covered < 0.1 * open, "{what}: {open}, {covered}");
+        let passed = shown(Some(PrimMask::NO_REFLECTION));
+        assert!((passed / open - 1.0).abs() < 0.05, "{what}, no reflection: {passed} of {open}");
+        let shadowless = shown(Some(PrimMask::NO_SHADOW));
+        assert!(shadowless < covered + 0.05 * open, "{what}, no shadow: {shadowless} of {open}");
+    }
+}
+
 /// The light of a mesh is part of what its prim is: who does not see it is not lit.
 #[test]
 fn a_mesh_that_is_hidden_from_diffuse_rays_lights_mirrors_alone() {

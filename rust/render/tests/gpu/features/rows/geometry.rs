@@ -165,7 +165,7 @@ pub(crate) const ROWS: &[Row] = &[
         what: "a prim that the camera does not see",
         build: |db| db.upsert_mesh(MeshDesc { mask: PrimMask::NO_CAMERA, ..bare("/board") }),
         features: &["PRIM_MASKS"],
-        buffers: &[&["masks of prims"]],
+        buffers: &[&["masks of prims", "light_paths"]],
         ..BARE
     },
     Row { what: "nesting", build: nested, features: &["INSTANCING"], ..BARE },
