@@ -15,7 +15,8 @@ PXR_NAMESPACE_OPEN_SCOPE
 using HdOocPTRayPrimvars = std::vector<std::pair<std::string, std::string>>;
 
 /// The primvars by which renderers say which kinds of rays see a prim, and whether it is a matte; of arrays the first
-/// element. Those that are not constant for the prim do not count. The renderer names them and says what they mean. Any thread.
+/// element. Those that are not constant for the prim do not count. The renderer names them and says what they mean. Any
+/// thread.
 HdOocPTRayPrimvars HdOocPTReadRayPrimvars(const HdContainerDataSourceHandle& container);
 
 PXR_NAMESPACE_CLOSE_SCOPE
