@@ -115,14 +115,15 @@ def buffer_state(engine, name: str) -> dict | None:
     }
 
 
-def read(engine, name: str) -> np.ndarray | None:
+def read(engine, name: str, resolves: bool = True) -> np.ndarray | None:
     """A copy of a bound AOV, (height, width[, components]), row 0 at the bottom; None if there is no buffer or no
-    data."""
+    data. Blender never resolves."""
     token = _tokens([name])
     buffer = _get_buffer(_engine(engine), ctypes.cast(token, POINTER(c_uint64)))
     if not buffer:
         return None
-    _virtual(buffer, _RESOLVE, None)
+    if resolves:
+        _virtual(buffer, _RESOLVE, None)
     width, height = _virtual(buffer, _WIDTH, ctypes.c_uint), _virtual(buffer, _HEIGHT, ctypes.c_uint)
     kind, components = FORMATS[_virtual(buffer, _FORMAT, c_int)]
     data = _virtual(buffer, _MAP, c_void_p)

@@ -172,6 +172,7 @@ std::vector<HdOocPTAov> _MakeAovs()
         { TfToken("Neye"), HdFormatFloat32Vec3, zero3 },
         { TfToken("albedo"), HdFormatFloat32Vec3, zero3 },
         { TfToken("motion"), HdFormatFloat32Vec3, zero3 },
+        { TfToken("motionBoth"), HdFormatFloat32Vec4, VtValue(GfVec4f(0.0f)) },
         { TfToken("sampleCount"), HdFormatFloat32, VtValue(0.0f) },
         { TfToken("position"), HdFormatFloat32Vec3, zero3 },
         { TfToken("Peye"), HdFormatFloat32Vec3, zero3 },
@@ -182,17 +183,24 @@ std::vector<HdOocPTAov> _MakeAovs()
     };
 }
 
+// Ids as floats, for hosts that take images of floats alone, and Hydra's names.
+std::array<std::array<char const*, 2>, 3> const _floatIds
+    = { { { "primIdFloat", "primId" }, { "instanceIdFloat", "instanceId" }, { "elementIdFloat", "elementId" } } };
+
 // Before a light path expression.
 constexpr char _expressionPrefix[] = "lpe:";
+// Before the name of a primvar.
+constexpr char _primvarPrefix[] = "primvars:";
 
-// The part of the light that an expression is of; what is wrong with an expression the renderer tells.
-HdOocPTAov const* _FindPart(TfToken const& name)
+// A part of the light, or a primvar; what is wrong with its name the renderer tells.
+HdOocPTAov const* _FindNamed(TfToken const& name, bool isPart)
 {
     static std::mutex mutex;
-    static std::map<TfToken, HdOocPTAov> parts;
+    static std::map<TfToken, HdOocPTAov> found;
     std::lock_guard<std::mutex> const lock(mutex);
     HdOocPTAov const part { name, HdFormatFloat32Vec3, VtValue(GfVec3f(0.0f)) };
-    return &parts.emplace(name, part).first->second;
+    HdOocPTAov const primvar { name, HdFormatFloat32Vec4, VtValue(GfVec4f(0.0f)) };
+    return &found.emplace(name, isPart ? part : primvar).first->second;
 }
 
 } // namespace
@@ -221,11 +229,27 @@ TfToken HdOocPTAovName(HdRenderPassAovBinding const& binding)
 HdOocPTAov const* HdOocPTFindAov(TfToken const& name)
 {
     static std::vector<HdOocPTAov> const aovs = _MakeAovs();
-    if (TfStringStartsWith(name.GetString(), _expressionPrefix)) {
-        return _FindPart(name);
+    bool const isPart = TfStringStartsWith(name.GetString(), _expressionPrefix);
+    if (isPart || TfStringStartsWith(name.GetString(), _primvarPrefix)) {
+        return _FindNamed(name, isPart);
     }
-    auto const found = std::find_if(aovs.begin(), aovs.end(), [&name](HdOocPTAov const& a) { return a.name == name; });
+    auto const isFloat = [&name](std::array<char const*, 2> const& id) { return name == id[0]; };
+    auto const id = std::find_if(_floatIds.begin(), _floatIds.end(), isFloat);
+    TfToken const rendered = id == _floatIds.end() ? name : TfToken((*id)[1]);
+    auto const isNamed = [&rendered](HdOocPTAov const& a) { return a.name == rendered; };
+    auto const found = std::find_if(aovs.begin(), aovs.end(), isNamed);
     return found == aovs.end() ? nullptr : &*found;
+}
+
+HdAovDescriptor HdOocPTDescribeAov(TfToken const& name)
+{
+    HdOocPTAov const* const aov = HdOocPTFindAov(name);
+    if (!aov) {
+        return HdAovDescriptor();
+    }
+    bool const isFloat = aov->format == HdFormatInt32 && name != aov->name;
+    return isFloat ? HdAovDescriptor(HdFormatFloat32, false, VtValue(-1.0f))
+                   : HdAovDescriptor(aov->format, false, aov->clearValue);
 }
 
 bool HdOocPTIsStorable(HdFormat format)

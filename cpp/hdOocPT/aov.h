@@ -24,8 +24,12 @@ struct HdOocPTAov
 /// The output that a host binds: its name, or `lpe:` and the light path expression where its settings have one.
 TfToken HdOocPTAovName(HdRenderPassAovBinding const& binding);
 
-/// The output of that name; null if OocPT does not render it.
+/// The output of that name; null if OocPT does not render it. `primIdFloat`, `instanceIdFloat` and `elementIdFloat` are
+/// those of the ids.
 HdOocPTAov const* HdOocPTFindAov(TfToken const& name);
+
+/// What a host is told of the output of that name; of invalid format if OocPT does not render it.
+HdAovDescriptor HdOocPTDescribeAov(TfToken const& name);
 
 /// Returns true if HdOocPTConvertPixels can write this format.
 bool HdOocPTIsStorable(HdFormat format);

@@ -22,7 +22,7 @@ TF_DEFINE_PRIVATE_TOKENS(_tokens,
     (tetMesh)(camera)(distantLight)(domeLight)(rectLight)
     (sphereLight)(diskLight)(cylinderLight)(material)(extComputation)(renderBuffer)(renderSettings)
     // names of settings, purposes and commands
-    (oocpt)(full)(restart)(stop)(mtlx)(glslfx));
+    (oocpt)(driver)(karma)(arnold)(ri)(full)(restart)(stop)(mtlx)(glslfx));
 // clang-format on
 
 HdOocPTRenderDelegate::HdOocPTRenderDelegate(HdRenderSettingsMap const& settingsMap)
@@ -100,7 +100,8 @@ TfTokenVector HdOocPTRenderDelegate::GetShaderSourceTypes() const
 
 TfTokenVector HdOocPTRenderDelegate::GetRenderSettingsNamespaces() const
 {
-    return { _tokens->oocpt };
+    // Those of others are for products and vars, whose settings users of other renderers write.
+    return { _tokens->oocpt, _tokens->driver, _tokens->karma, _tokens->arnold, _tokens->ri };
 }
 
 bool HdOocPTRenderDelegate::IsParallelSyncEnabled(TfToken const& primType) const
@@ -110,8 +111,7 @@ bool HdOocPTRenderDelegate::IsParallelSyncEnabled(TfToken const& primType) const
 
 HdAovDescriptor HdOocPTRenderDelegate::GetDefaultAovDescriptor(TfToken const& name) const
 {
-    HdOocPTAov const* const aov = HdOocPTFindAov(name);
-    return aov ? HdAovDescriptor(aov->format, false, aov->clearValue) : HdAovDescriptor();
+    return HdOocPTDescribeAov(name);
 }
 
 // ---- settings, statistics, commands ----

@@ -8,6 +8,7 @@
 #include "pxr/imaging/hd/camera.h"
 #include "pxr/imaging/hd/renderIndex.h"
 
+#include <algorithm>
 #include <utility>
 
 PXR_NAMESPACE_OPEN_SCOPE
@@ -30,6 +31,9 @@ bool HdOocPTRenderPass::IsConverged() const
         // none.
         bool const isConverged = !_hasRequest || _session->IsConverged();
         _session->DrainMessages();
+        if (!isConverged) {
+            _pace.Hold([this] { return _session->IsConverged(); });
+        }
         return isConverged;
     });
 }
@@ -51,6 +55,10 @@ void HdOocPTRenderPass::_Execute(HdRenderPassStateSharedPtr const& renderPassSta
             request.worldToView = renderPassState->GetWorldToViewMatrix();
             request.projection = renderPassState->GetProjectionMatrix();
             request.renderTags = renderTags;
+            if (request.worldToView != _worldToView) {
+                _worldToView = request.worldToView;
+                _pace.Restart();
+            }
             _session->Render(request);
         }
         _session->DrainMessages();
@@ -76,7 +84,10 @@ bool HdOocPTRenderPass::_BindAovs(HdRenderPassAovBindingVector const& bindings, 
             request->width = width;
             request->height = height;
         }
-        request->aovs.push_back({ name, binding.clearValue });
+        auto const isSame = [aov](HdOocPTAovRequest const& other) { return other.name == aov->name; };
+        if (std::none_of(request->aovs.begin(), request->aovs.end(), isSame)) {
+            request->aovs.push_back({ aov->name, name == aov->name ? binding.clearValue : aov->clearValue });
+        }
     }
     return !request->aovs.empty();
 }

@@ -4,6 +4,7 @@
 #define HDOOCPT_RENDER_PASS_H
 
 #include "bridge/session.h"
+#include "hdOocPT/hostPace.h"
 #include "pxr/imaging/hd/renderPass.h"
 #include "pxr/imaging/hd/renderPassState.h"
 #include "pxr/pxr.h"
@@ -21,7 +22,8 @@ public:
         HdRenderIndex* index, HdRprimCollection const& collection, std::shared_ptr<HdOocPTSession> session);
     ~HdOocPTRenderPass() override;
 
-    /// Returns true once every bound buffer holds its final image, or if rendering has ended for good.
+    /// Returns true once every bound buffer holds its final image, or if rendering has ended for good. A host that asks
+    /// without ever sleeping waits here (HdOocPTHostPace).
     bool IsConverged() const override;
 
 protected:
@@ -35,6 +37,8 @@ private:
 
     std::shared_ptr<HdOocPTSession> const _session;
     bool _hasRequest = false;
+    GfMatrix4d _worldToView { 1.0 };
+    mutable HdOocPTHostPace _pace;
 };
 
 PXR_NAMESPACE_CLOSE_SCOPE

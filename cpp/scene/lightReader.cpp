@@ -115,8 +115,9 @@ void _ReadShaping(const _Inputs& inputs, oocpt::LightDesc* desc)
     const auto& tokens = *HdOocPTSceneTokens;
     oocpt::ShapingDesc& shaping = desc->shaping;
     // Only prims with the schema have a cone, of 90 degrees if it is not authored.
-    shaping.cone_angle_degrees = inputs.Get(tokens.coneAngle, 180.0f);
-    shaping.cone_softness = inputs.Get(tokens.coneSoftness, 0.0f);
+    // Blender's scene delegate calls them as USD's attributes are called.
+    shaping.cone_angle_degrees = inputs.Get(tokens.coneAngle, inputs.Get(tokens.authoredConeAngle, 180.0f));
+    shaping.cone_softness = inputs.Get(tokens.coneSoftness, inputs.Get(tokens.authoredConeSoftness, 0.0f));
     shaping.focus = inputs.Get(tokens.shapingFocus, 0.0f);
     shaping.focus_tint = inputs.GetColor(tokens.focusTint, GfVec3f(0.0f));
     shaping.ies = HdOocPTDescribeAsset(inputs.Get(tokens.iesFile));

@@ -3,6 +3,7 @@
 
 #include "pxr/base/gf/range2f.h"
 #include "pxr/base/gf/vec4f.h"
+#include "pxr/base/tf/stringUtils.h"
 #include "pxr/base/vt/array.h"
 #include "scene/dataSource.h"
 #include "scene/primReader.h"
@@ -46,7 +47,8 @@ HdOocPTSettingMap HdOocPTReadRenderSettings(const HdSceneIndexBase& scene, const
     }
     for (const TfToken& name : container->GetNames()) {
         VtValue value = HdOocPTSample(container->Get(name));
-        if (!value.IsEmpty()) {
+        // Those of other renderers are of no use here.
+        if (!value.IsEmpty() && TfStringStartsWith(name.GetString(), "oocpt:")) {
             settings[name] = value;
         }
     }

@@ -57,7 +57,8 @@ PXR_NAMESPACE_OPEN_SCOPE
     ((iesAngleScale, "shaping:ies:angleScale"))((iesNormalize, "shaping:ies:normalize"))                              \
     ((shadowDistance, "shadow:distance"))((shadowFalloff, "shadow:falloff"))                                           \
     ((shadowFalloffGamma, "shadow:falloffGamma"))                                                                     \
-    ((cameraVisibility, "ri:attributes:visibility:camera"))                                                           \
+    ((cameraVisibility, "ri:attributes:visibility:camera"))((authoredConeAngle, "inputs:shaping:cone:angle"))         \
+    ((authoredConeSoftness, "inputs:shaping:cone:softness"))                                                          \
     /* cameras */                                                                                                     \
     (camera)(focalLength)(fStop)(focusDistance)(projection)(orthographic)(shutterOpen)(shutterClose)                  \
     ((shutterOpenAttribute, "shutter:open"))((shutterCloseAttribute, "shutter:close"))(clippingPlanes)                \

@@ -69,20 +69,23 @@ def copy_python(package: Path) -> None:
         (package / "bin" / name).chmod(0o755)
 
 
-def copy_built(arguments: argparse.Namespace, package: Path) -> None:
-    """Plugin and command, without symbols that only debuggers read."""
-    plugin = package / "plugin"
+def copy_plugin(built: Path, plugin: Path) -> None:
+    """The plugin, without symbols that only debuggers read."""
     (plugin / "hdOocPT/resources").mkdir(parents=True)
     for name in ("hdOocPT.so", "hdOocPTImages.so"):
-        shutil.copyfile(arguments.plugin / name, plugin / name)
-        libraries.output("strip", "--strip-unneeded", plugin / name)
-    shutil.copyfile(arguments.plugin / "hdOocPT/resources/plugInfo.json", plugin / "hdOocPT/resources/plugInfo.json")
-    command = package / "bin/oocpt"
-    shutil.copyfile(arguments.command, command)
-    libraries.output("strip", "--strip-unneeded", command)
-    command.chmod(0o755)
-    for built in (plugin / "hdOocPT.so", plugin / "hdOocPTImages.so", command):
-        hide_folders(built)
+        copy_stripped(built / name, plugin / name)
+    shutil.copyfile(built / "hdOocPT/resources/plugInfo.json", plugin / "hdOocPT/resources/plugInfo.json")
+
+
+def copy_stripped(built: Path, target: Path) -> None:
+    shutil.copyfile(built, target)
+    libraries.output("strip", "--strip-unneeded", target)
+    hide_folders(target)
+
+
+def copy_command(built: Path, package: Path) -> None:
+    copy_stripped(built, package / "bin/oocpt")
+    (package / "bin/oocpt").chmod(0o755)
 
 
 def folders_of_machine() -> list[str]:
@@ -101,17 +104,22 @@ def hide_folders(file: Path) -> None:
     file.write_bytes(content)
 
 
-def copy_libraries(package: Path, scratch: Path) -> dict[str, str]:
-    """The libraries of the image readers and of the host; returns the texts of their licences."""
-    images, readers = package / "plugin/hdOocPTImages.so", package / "plugin/hdOocPT/lib"
-    host = package / "lib"
+def copy_readers(plugin: Path, scratch: Path) -> list[Path]:
+    """The libraries of the image readers, and stand-ins; returns the files on this machine that were copied."""
+    images, readers = plugin / "hdOocPTImages.so", plugin / "hdOocPT/lib"
     packed, replaced = libraries.closure(libraries.needed(images), libraries.found_by_loader(images))
     readers.mkdir()
+    scratch.mkdir()
     for soname, file in packed.items():
         shutil.copyfile(file.resolve(), readers / soname)
     for soname, file in replaced.items():
         libraries.stand_in(soname, file, [readers / name for name in packed], scratch / soname)
         shutil.copyfile(scratch / soname, readers / soname)
+    return list(packed.values())
+
+
+def copy_host_libraries(host: Path) -> list[Path]:
+    """What the host needs and its wheel does not bring; returns the files on this machine that were copied."""
     host.mkdir()
     found = {}
     for soname in libraries.HOST:
@@ -122,19 +130,25 @@ def copy_libraries(package: Path, scratch: Path) -> dict[str, str]:
         raise SystemExit(f"the host's libraries need others, whose licences are not known: {sorted(strange)}")
     for soname, file in for_host.items():
         shutil.copyfile(file.resolve(), host / soname)
-    return libraries.licence_texts([*packed.values(), *for_host.values()])
+    return list(for_host.values())
 
 
-def try_readers(package: Path) -> None:
+def try_readers(plugin: Path) -> None:
     """Loads the image readers in a new process: what a stand-in lacks is found here, by its name, and whether anything
     came from the machine after all."""
-    program = f"import ctypes; ctypes.CDLL({str(package / 'plugin/hdOocPTImages.so')!r}, mode={os.RTLD_NOW})"
+    program = f"import ctypes; ctypes.CDLL({str(plugin / 'hdOocPTImages.so')!r}, mode={os.RTLD_NOW})"
     program += "; print(open('/proc/self/maps').read())"
     mapped = set(re.findall(r"\s(/\S+\.so\S*)$", libraries.output(sys.executable, "-I", "-c", program), re.MULTILINE))
-    packed = {file.name for file in (package / "plugin/hdOocPT/lib").iterdir()}
-    strange = sorted(path for path in mapped if Path(path).name in packed and not path.startswith(f"{package}/"))
+    packed = {file.name for file in (plugin / "hdOocPT/lib").iterdir()}
+    strange = sorted(path for path in mapped if Path(path).name in packed and not path.startswith(f"{plugin}/"))
     if strange:
         raise SystemExit(f"the image readers take libraries of this machine, not of the package: {strange}")
+
+
+def newest_glibc(root: Path) -> tuple[int, int]:
+    """The C library that what was compiled asks for."""
+    compiled = [file for file in root.rglob("*") if file.is_file() and file.read_bytes()[:4] == b"\x7fELF"]
+    return libraries.newest_glibc(compiled)
 
 
 def write_metadata(root: Path, tag: str, licences: dict[str, str]) -> None:
@@ -177,12 +191,12 @@ def pack(arguments: argparse.Namespace) -> Path:
         package = root / "oocpt"
         root.mkdir()
         copy_python(package)
-        copy_built(arguments, package)
-        (Path(scratch) / "stand-ins").mkdir()
-        licences = copy_libraries(package, Path(scratch) / "stand-ins")
-        try_readers(package)
-        compiled = [file for file in package.rglob("*") if file.is_file() and file.read_bytes()[:4] == b"\x7fELF"]
-        major, minor = libraries.newest_glibc(compiled)
+        copy_plugin(arguments.plugin, package / "plugin")
+        copy_command(arguments.command, package)
+        packed = copy_readers(package / "plugin", Path(scratch) / "stand-ins")
+        licences = libraries.licence_texts(packed + copy_host_libraries(package / "lib"))
+        try_readers(package / "plugin")
+        major, minor = newest_glibc(package)
         tag = f"cp311-cp311-manylinux_{major}_{minor}_x86_64"
         write_metadata(root, tag, licences)
         arguments.out.mkdir(parents=True, exist_ok=True)

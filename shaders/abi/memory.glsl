@@ -66,6 +66,7 @@ layout(buffer_reference, scalar, buffer_reference_align = 16) buffer ErrorParts 
 layout(buffer_reference, scalar, buffer_reference_align = 16) buffer ExactPixels { ExactPixel v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer PlaneSums { PlaneSum v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer IdSlots { IdSlot v[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 4) buffer DeepSlots { DeepSlot v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Vec3s { vec3 v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Floats { float v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Ints { int v[]; };

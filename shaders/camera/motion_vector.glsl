@@ -43,8 +43,8 @@ Double3 placed_at(HitHeader hit, vec3 kept, float time) {
     return add(world.origin, unapply_rows(world.x, world.y, world.z, unapply_point(map, local)));
 }
 
-// After surface_of_hit(path).
-vec3 motion_over_image(uint path) {
+// The motion, and both parts of it where they are wanted. After surface_of_hit(path).
+vec3 motion_over_image(uint path, out vec4 both) {
     const HitHeader hit = load_hit_header(FRAME.hits, path);
     vec3 kept = vec3(0.0);
     if (HAS_LEAF_KINDS) {
@@ -65,12 +65,20 @@ vec3 motion_over_image(uint path) {
     vec3 from, to;
     const bool opens = seen_at(placed_at(hit, kept, 0.0), 0.0, from);
     const bool closes = seen_at(placed_at(hit, kept, 1.0), 1.0, to);
+    both = vec4(0.0);
+    if (FRAME.aov.motion_both != 0ul) {
+        vec3 now;
+        const bool is_seen = seen_at(placed_at(hit, kept, own_time), own_time, now);
+        if (is_seen && opens && closes) both = vec4(now.xy - from.xy, to.xy - now.xy);
+    }
     surface_time = own_time;
     return opens && closes ? to - from : vec3(0.0);
 }
 
-void store_motion(uint path, vec3 motion) {
-    Vec3s(FRAME.aov.motion).v[film_pixel(pixel_position(path_pixel(path)))] = motion;
+void store_motion(uint path, vec3 motion, vec4 both) {
+    const uint pixel = film_pixel(pixel_position(path_pixel(path)));
+    if (FRAME.aov.motion != 0ul) Vec3s(FRAME.aov.motion).v[pixel] = motion;
+    if (FRAME.aov.motion_both != 0ul) Vec4s(FRAME.aov.motion_both).v[pixel] = both;
 }
 
 #endif

@@ -3,8 +3,9 @@
 // them: nodes keep their children, and get bounds from the leaves up, as rust/core/src/mesh/level_shape.rs gives them
 // (Wald, Boulos, Shirley 2007). A workgroup for each chunk, from chunk push.count on. It lists the nodes level by level
 // on the way down, and bounds them level by level on the way up: a node is written by one thread, after its children.
-// Reads: push.source, members and places of each chunk, arrays of instancers, children of nodes. Writes: maps of
-// records, bounds of nodes, push.target. Scratch: boxes, order.
+// Of a chunk that it has placed before, it places the records below nodes in which some element has changed.
+// Reads: push.source, members and places of each chunk, arrays of instancers and what changed in them, children of
+// nodes. Writes: maps of records, bounds of nodes, push.target. Reads and writes: boxes, order, levels.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "scene/place_instance.glsl"
@@ -27,6 +28,7 @@ const double MARGIN = 1.0LF / 8192.0LF;
 shared uint level_starts[REFIT_LEVELS + 1u];
 shared uint listed;
 shared uint unusable;
+shared uint changed_nodes[REFIT_CHANGED_WORDS];
 shared double areas[REFIT_THREADS];
 
 bool is_inner(uint child, uint node_count) {
@@ -66,6 +68,55 @@ uint list_levels(GpuHeldChunk chunk) {
         barrier();
     }
     return levels;
+}
+
+// The levels of the last pass; their number.
+uint known_levels(GpuHeldChunk chunk) {
+    ConstUints levels = ConstUints(chunk.levels);
+    const uint count = min(levels.v[0], REFIT_LEVELS);
+    const uint thread = gl_LocalInvocationIndex;
+    for (uint level = thread; level <= count; level += REFIT_THREADS) level_starts[level] = levels.v[1u + level];
+    for (uint word = thread; word < REFIT_CHANGED_WORDS; word += REFIT_THREADS) changed_nodes[word] = 0u;
+    if (thread == 0u) unusable = 0u;
+    barrier();
+    return count;
+}
+
+void keep_levels(GpuHeldChunk chunk, uint count) {
+    Uints levels = Uints(chunk.levels);
+    const uint thread = gl_LocalInvocationIndex;
+    for (uint level = thread; level <= count; level += REFIT_THREADS) levels.v[1u + level] = level_starts[level];
+    if (thread == 0u) levels.v[0] = count;
+}
+
+bool is_changed(GpuHeldChunk chunk, uint record) {
+    if (record >= chunk.record_count) return false;
+    const uvec2 place = ConstUVec2s(chunk.places).v[record];
+    ChunkMembers members = ChunkMembers(chunk.members);
+    for (uint k = 0u; k < 4u; ++k) {
+        const uint64_t changed = members.v[place.x].changed[k];
+        if (changed == 0ul || place.y >= members.v[place.x].count) continue;
+        if (changed == uint64_t(ALL_CHANGED)) return true;
+        if ((ConstUints(changed).v[place.y / 32u] >> (place.y % 32u) & 1u) != 0u) return true;
+    }
+    return false;
+}
+
+// Whether something has changed below a node whose children were looked at; notes it for the level above.
+bool has_changed(GpuHeldChunk chunk, uint node) {
+    TreeNodes nodes = TreeNodes(chunk.nodes);
+    bool changed = false;
+    for (uint k = 0u; k < 4u && !changed; ++k) {
+        const uint child = nodes.v[node].child[k];
+        if (child == ABSENT) continue;
+        if ((child & LEAF) != 0u) {
+            changed = is_changed(chunk, child & ~LEAF);
+        } else if (child < chunk.node_count) {
+            changed = (changed_nodes[child / 32u] >> (child % 32u) & 1u) != 0u;
+        }
+    }
+    if (changed) atomicOr(changed_nodes[node / 32u], 1u << (node % 32u));
+    return changed;
 }
 
 // The biased exponent of the smallest power of two that is a normal float and of which 253 cells are not below `edge`,
@@ -142,6 +193,12 @@ void place_record(GpuHeldChunk chunk, uint record, out vec3 lower, out vec3 uppe
     records.v[record].prototype_count = placed.flips ? count | FLIPS_HANDEDNESS : count;
 }
 
+double half_surface(vec3 lower, vec3 upper) {
+    if (any(greaterThan(lower, upper))) return 0.0LF;
+    const dvec3 edges = dvec3(upper) - dvec3(lower);
+    return (edges.x * edges.y + edges.y * edges.z) + edges.z * edges.x;
+}
+
 // Bounds a node whose children are bounded; half its surface.
 double bound_node(GpuHeldChunk chunk, uint node) {
     TreeNodes nodes = TreeNodes(chunk.nodes);
@@ -168,22 +225,36 @@ double bound_node(GpuHeldChunk chunk, uint node) {
         boxes.v[6u * node + axis] = all_lower[axis];
         boxes.v[6u * node + 3u + axis] = all_upper[axis];
     }
-    if (any(greaterThan(all_lower, all_upper))) return 0.0LF;
-    const dvec3 edges = dvec3(all_upper) - dvec3(all_lower);
-    return (edges.x * edges.y + edges.y * edges.z) + edges.z * edges.x;
+    return half_surface(all_lower, all_upper);
+}
+
+// Half the surface of a node whose box is known.
+double known_surface(GpuHeldChunk chunk, uint node) {
+    NodeBoxes boxes = NodeBoxes(chunk.boxes);
+    const uint at = 6u * node;
+    return half_surface(vec3(boxes.v[at], boxes.v[at + 1u], boxes.v[at + 2u]),
+                        vec3(boxes.v[at + 3u], boxes.v[at + 4u], boxes.v[at + 5u]));
 }
 
 void main() {
     const uint number = push.count + gl_WorkGroupID.x;
     const GpuHeldChunk chunk = HeldChunks(push.source).v[number];
     const uint thread = gl_LocalInvocationIndex;
-    const uint levels = list_levels(chunk);
+    const bool is_known = chunk.is_known != 0u && chunk.node_count <= 32u * REFIT_CHANGED_WORDS;
+    uint levels;
+    if (is_known) {
+        levels = known_levels(chunk);
+    } else {
+        levels = list_levels(chunk);
+        keep_levels(chunk, levels);
+    }
     NodeOrder order = NodeOrder(chunk.order);
     double area = 0.0LF;
     for (uint level = levels; level > 0u; --level) {
         const uint end = level_starts[level];
         for (uint i = level_starts[level - 1u] + thread; i < end; i += REFIT_THREADS) {
-            area += bound_node(chunk, order.v[i]);
+            const uint node = order.v[i];
+            area += !is_known || has_changed(chunk, node) ? bound_node(chunk, node) : known_surface(chunk, node);
         }
         memoryBarrierBuffer();
         barrier();

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Writes the filtered images so far: one thread per pixel. Reads: film (the number of samples),
-// FrameConstants::plane_sums. Writes: the planes of FrameConstants::aov that PlaneOffsets has, and light_images, which
+// FrameConstants::plane_sums. Writes: the planes of FrameConstants::aov that PlaneOffsets has, primvar_images that are
+// filtered, and light_images, which
 // are times the camera's exposure as `color`. Adaptive: half of each stream, as `resolve`. A pixel without a sample is
 // clear.
 #version 460
@@ -10,6 +11,24 @@
 float plane_sum(uint pixel, uint word) {
     const uint64_t sums = FRAME.plane_sums + uint64_t(pixel) * (FRAME.sum_words * PLANE_SUM_BYTES);
     return PlaneSums(sums).v[word].sum;
+}
+
+vec4 primvar_mean(uint pixel, uint first) {
+    const float samples = float(ConstFilm(FRAME.film).v[pixel].samples);
+    return vec4(plane_sum(pixel, first), plane_sum(pixel, first + 1u), plane_sum(pixel, first + 2u),
+                plane_sum(pixel, first + 3u)) / samples;
+}
+
+void write_primvar(uint64_t plane, uint first, uint pixel) {
+    if (first == NO_INDEX) return;
+    const uint other = FRAME.width * FRAME.height + pixel;
+    vec4 value = vec4(0.0);
+    if (ConstFilm(FRAME.film).v[pixel].samples > 0u) {
+        value = primvar_mean(pixel, first);
+        const bool has_other = HAS_ADAPTIVE && ConstFilm(FRAME.film).v[other].samples > 0u;
+        if (has_other) value = 0.5 * (value + primvar_mean(other, first));
+    }
+    Vec4s(plane).v[pixel] = value;
 }
 
 vec3 mean_of(uint pixel, uint first) {
@@ -39,6 +58,9 @@ void main() {
     write_plane(FRAME.aov.position, at.position, pixel, clear.position, 1.0);
     write_plane(FRAME.aov.peye, at.peye, pixel, clear.peye, 1.0);
     write_plane(FRAME.aov.geometric_normal, at.geometric_normal, pixel, clear.geometric_normal, 1.0);
+    for (uint i = 0u; HAS_SHADED_AOVS && i < MAX_SHOWN_PRIMVARS && FRAME.primvar_images[i] != 0ul; ++i) {
+        write_primvar(FRAME.primvar_images[i], FRAME.primvar_at[i], pixel);
+    }
     if (!HAS_PATH_EXPRESSIONS) return;
     for (uint i = 0u; i < FRAME.light_count; ++i) {
         const uint first = FRAME.sum_words - 3u * (FRAME.light_count - i);

@@ -2,9 +2,9 @@
 // Writes what images have of what camera rays met: one thread per ray of a queue. arg0 = AOV_SURFACES: surface_queue,
 // WavefrontCounters::surface_args; arg0 = AOV_ESCAPED: escaped_queue, WavefrontCounters::escaped_args. Reads: the
 // queue, hits, the scene; with streaming, surfaces in place of the last two. Rays of generate_aov_rays (PUSH_AOVS):
-// writes the planes of FrameConstants::aov that are not 0 and not filtered; surfaces of opacity 0 are not seen, all
-// others are. Samples: writes FrameConstants::plane_values of those at bounce 0, where a matte counts as nothing. With
-// streaming: ends rays that go no farther, and writes their segments.
+// writes the planes of FrameConstants::aov and primvar_images that are not 0 and not filtered; surfaces of opacity 0
+// are not seen, all others are. Samples: writes FrameConstants::plane_values of those at bounce 0, where a matte counts
+// as nothing. With streaming: ends rays that go no farther, and writes their segments.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "wavefront/wavefront.glsl"
@@ -15,6 +15,7 @@
 #include "wavefront/path_surface.glsl"
 #include "material/material.glsl"
 #include "camera/motion_vector.glsl"
+#include "wavefront/shown_primvars.glsl"
 
 // row . (p, 1) of a row in world space, for p relative to FrameConstants::ray_o: far from the world's origin nothing
 // cancels.
@@ -22,7 +23,7 @@ float row_at(vec4 row, vec3 p) {
     return dot3(row.xyz, p) + row.w;
 }
 
-AovClear aovs_of(uint path, Surface surface) {
+AovClear aovs_of(uint path, Surface surface, out vec4 motion_both) {
     AovClear a = FRAME.aov_clear;
     const vec3 p = difference(surface.position, Double3(FRAME.ray_o, FRAME.ray_o_lo));
     const vec3 v = vec3(row_at(FRAME.view[0], p), row_at(FRAME.view[1], p), row_at(FRAME.view[2], p));
@@ -43,7 +44,8 @@ AovClear aovs_of(uint path, Surface surface) {
     a.peye = v;
     a.position = add(add(surface.position, FRAME.origin), FRAME.origin_lo).hi;
     a.motion = vec3(0.0);
-    if (HAS_MOTION_VECTORS && !HAS_STREAMING) a.motion = motion_over_image(path);
+    motion_both = vec4(0.0);
+    if (HAS_MOTION_VECTORS && !HAS_STREAMING) a.motion = motion_over_image(path, motion_both);
     return a;
 }
 
@@ -97,6 +99,11 @@ void store_sample(uint path, AovClear a, bool hit) {
         if (HAS_MATERIALS && hit && surface_material.material != NO_MATERIAL) material = surface_material.material + 1u;
         store_id(values, at.crypto_material, uvec2(material, 0u));
     }
+    if (HAS_DEEP) {
+        const bool is_named = hit && a.prim_id >= 0;
+        store_id(values, FRAME.deep_at, is_named ? uvec2(uint(a.prim_id) + 1u, uint(a.instance_id)) : uvec2(0u));
+        Floats(values + 4u * FRAME.deep_at).v[2] = hit ? a.camera_depth : DEEP_FAR;
+    }
 }
 
 void main() {
@@ -107,12 +114,15 @@ void main() {
     const bool is_sample = (push.flags & PUSH_AOVS) == 0u;
     if (is_sample && ray_bounce(ray_address(path)) != 0u) return;
     AovClear a = FRAME.aov_clear;
+    vec4 motion_both = vec4(0.0);
     bool is_seen = hit;
     if (hit) {
         const Surface surface = load_surface(path);
         is_seen = !(is_sample && (prim_mask(surface.prim_id) & PRIM_MATTE) != 0u);
-        if (is_seen) a = aovs_of(path, surface);
+        if (is_seen) a = aovs_of(path, surface, motion_both);
     }
+    // For hits, record_surfaces has written them while their chunk was there.
+    if (HAS_SHADED_AOVS && !(HAS_STREAMING && is_seen)) store_primvars(path, is_seen);
     if (is_sample) {
         store_sample(path, a, is_seen);
         if (HAS_STREAMING && (FRAME.flags & FLAG_FIRST_HITS) != 0u) end_path(path, true);
@@ -121,6 +131,6 @@ void main() {
     store(film_pixel(pixel_position(path_pixel(path))), a);
     // For hits, record_surfaces has written it.
     const bool is_there = HAS_STREAMING && HAS_MOTION_VECTORS && hit;
-    if (FRAME.aov.motion != 0ul && !is_there) store_motion(path, a.motion);
+    if (!is_there) store_motion(path, a.motion, motion_both);
     if (HAS_STREAMING) end_path(path, true);
 }

@@ -2,10 +2,11 @@
 """Run by Blender's own Python module: renders a scene through a Hydra render engine with OocPT.
 
 Arguments: the folder of Blender's module, the plugin's resources, the file to write (.npy: rows from the bottom, RGBA
-in f32), the export method (HYDRA or USD).
+in f32), the export method (HYDRA or USD). Beside it, in `.polls.npy`, when Blender asked whether it was done.
 """
 
 import sys
+import time
 
 blender, resources, output, method = sys.argv[1:]
 sys.path.insert(0, blender)
@@ -81,6 +82,9 @@ for k in range(12):
 
 scene.render.image_settings.file_format, scene.render.image_settings.color_depth = "OPEN_EXR", "32"
 scene.render.filepath = output + ".exr"
+polls = []
+bpy.app.handlers.render_stats.append(lambda *_: polls.append(time.monotonic()))
 bpy.ops.render.render(write_still=True)
+np.save(output + ".polls", polls)
 image = bpy.data.images.load(output + ".exr")
 np.save(output, np.array(image.pixels[:], dtype=np.float32).reshape(64, 96, 4))

@@ -11,7 +11,7 @@ FORMATS = {
     "color": ("Float32Vec4", 0.0), "depth": ("Float32", 1.0), "cameraDepth": ("Float32", 0.0), "primId": ("Int32", -1),
     "instanceId": ("Int32", -1), "elementId": ("Int32", -1), "normal": ("Float32Vec3", 0.0),
     "Neye": ("Float32Vec3", 0.0),
-    "albedo": ("Float32Vec3", 0.0), "motion": ("Float32Vec3", 0.0),
+    "albedo": ("Float32Vec3", 0.0), "motion": ("Float32Vec3", 0.0), "motionBoth": ("Float32Vec4", 0.0),
     "position": ("Float32Vec3", 0.0), "Peye": ("Float32Vec3", 0.0), "Ng": ("Float32Vec3", 0.0),
     "variance": ("Float32Vec3", 0.0), "error": ("Float32", 0.0),
 }  # fmt: skip
@@ -32,6 +32,19 @@ def test_formats_sizes_and_clear_values(host):
             kind, 17, 9, True
         ), f"{aov}: {state}"
         assert (picture[aov] == clear).all(), f"clear value of {aov}: {np.unique(picture[aov])[:4]}"
+
+
+def test_ids_come_as_floats_to_hosts_that_take_nothing_else(host):
+    """Beside the whole numbers, and alone."""
+    ids = ["primId", "instanceId", "elementId"]
+    floats = [f"{name}Float" for name in ids]
+    path = small.FOLDER / "nested.usda"
+    whole = host.picture(path, (24, 18), aovs=ids + floats, settings=QUICK)
+    alone = host.picture(path, (24, 18), aovs=floats, settings=QUICK)
+    for name, number in zip(floats, ids, strict=True):
+        assert whole.buffers[name]["format"] == "Float32" and whole.buffers[number]["format"] == "Int32"
+        assert len(np.unique(whole[number])) > 1 and (whole[name] == whole[number]).all(), name
+        compare.same_bits(alone[name], whole[name], name)
 
 
 @pytest.mark.parametrize("filtered", [False, True])

@@ -164,3 +164,47 @@ def test_moves_leave_nothing_behind(view):
     for what in ("mappings", "files", "threads"):
         assert after[what] <= before[what] + 4, f"{what}: {before[what]}, then {after[what]}"
     assert after["resident"] < before["resident"] + (64 << 20), f"{before['resident']}, then {after['resident']} bytes"
+
+
+# Orbits, resizes and edits as Blender's viewport does; buffers are mapped after each execution and never resolved.
+AS_BLENDER = """
+from pxr import CameraUtil
+result = []
+for angle, size, intensity in {draws}:
+    turn = Gf.Matrix4d().SetRotate(Gf.Rotation(Gf.Vec3d(0, 1, 0), angle))
+    frustum = Gf.Frustum()
+    frustum.SetPerspective(40, size[0] / size[1], 0.1, 100)
+    engine.SetCameraState(turn * Gf.Matrix4d().SetTranslate(Gf.Vec3d(0, 0, -9)), frustum.ComputeProjectionMatrix())
+    engine.SetRenderBufferSize(Gf.Vec2i(size))
+    engine.SetFraming(CameraUtil.Framing(Gf.Rect2i(Gf.Vec2i(0, 0), *size)))
+    UsdLux.DomeLight(stage.GetPrimAtPath('/World/Dome')).GetIntensityAttr().Set(intensity)
+    row = dict(shapes=[], black=0.0)
+    end = time.monotonic() + 60
+    while True:
+        converged = view.step()
+        pixels = aov_reader.read(engine, 'color', resolves=False)
+        row['shapes'] = sorted({{*map(tuple, row['shapes']), pixels.shape}})
+        if result:
+            row['black'] = max(row['black'], float((pixels[..., :3].max(axis=-1) <= 0).mean()))
+        if converged or time.monotonic() > end:
+            break
+        time.sleep(0.004)
+    depth = aov_reader.read(engine, 'depth', resolves=False)
+    row.update(mean=float(pixels[..., :3].mean()), seen=float((depth < 1).mean()), converged=converged)
+    result.append(row)
+"""
+
+
+@pytest.mark.both_front_ends
+def test_a_host_that_never_resolves_sees_the_picture_of_each_draw(host):
+    stage = small.build(scene, "what a viewport looks at")
+    draws = [(0, (64, 48), 1), (20, (64, 48), 1), (20, (97, 31), 1), (20, (32, 80), 1), (20, (32, 80), 2)]
+    settings = {"oocpt:samplesPerPixel": 2, "oocpt:maxBounces": 1}
+    with host.open(stage, draws[0][1], settings=settings, aovs=["color", "depth"]) as view:
+        view.edit("view.prepare()")
+        rows = view.edit(AS_BLENDER.format(draws=draws))
+    for (_, size, _), row in zip(draws, rows, strict=True):
+        assert row["converged"] and row["shapes"] == [[*size[::-1], 4]], f"{size}: {row}"
+        assert row["black"] < 0.1 and 0.2 < row["seen"] < 1, f"{size}: {row}"
+    assert rows[0]["mean"] != rows[1]["mean"], "another direction"
+    assert rows[4]["mean"] == pytest.approx(2 * rows[3]["mean"], rel=1e-5), "twice the light"

@@ -133,7 +133,7 @@ def as_ids(pixels):
 def test_layers_of_a_product_are_the_images_of_the_host(record, pool):
     products = {
         "All": product("All", "all.<F4>.exr", ["beauty", "ids", "N", "depth", "direct", "indirect", "wrong", "volume"]),
-        "Deep": product("Deep", "deep.exr", more='token productType = "deepRaster"'),
+        "Volume": product("Volume", "volume.exr", more='token productType = "deepVolume"'),
     }
     flags = ["--products", "--enableDomeLightVisibility", "--frames", "7"]
     done, folder = record(stage(products), *flags, out="out.#.exr")
@@ -151,7 +151,7 @@ def test_layers_of_a_product_are_the_images_of_the_host(record, pool):
     compare.same_bits(layers["Z"], expected["cameraDepth"].astype(np.float16), "depth as half floats")
     assert header["oocpt:samples"] == 4.0 and header["oocpt:frame"] == 7.0, header
     assert "C<RQ>L: character 4: 'Q' is no event" in done.stderr and "no light path is of CV+L" in done.stderr
-    assert "/Settings/Deep" in done.stderr, done.stderr
+    assert "/Settings/Volume: the product is not written" in done.stderr, done.stderr
     assert done.stderr.count("samples, ") == 1, f"the product is the host's picture: {done.stderr}"
 
 
@@ -192,6 +192,112 @@ def test_light_groups_by_the_names_of_each_renderer(record):
             assert 0 < layers[f"board.{channel}"].sum() <= layers[channel].sum(), "what the board's label shows"
         if os.environ.get("OOCPT_TEST_FULL") is None:
             break
+
+
+BOARDS = """
+def Mesh "Board"
+{
+    int[] faceVertexCounts = [4]
+    int[] faceVertexIndices = [0, 1, 2, 3]
+    point3f[] points = [(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)]
+    float[] primvars:dust = [-3, -1, 3, 1] (interpolation = "vertex")
+    texCoord2f[] primvars:st = [(0, 0), (1, 0), (1, 1), (0, 1)] (interpolation = "faceVarying")
+    int primvars:part = 16777215
+    color3f[] primvars:tint = [(0.25, 0.5, 0.75)] (interpolation = "uniform")
+}
+def PointInstancer "Many"
+{
+    rel prototypes = </Many/Small>
+    int[] protoIndices = [0, 0, 0]
+    point3f[] positions = [(-0.5, 0, 1), (0, 0.1, 1), (0.5, 0, 1)]
+    float[] primvars:dust = [10, 20, 30] (interpolation = "vertex")
+    def Mesh "Small"
+    {
+        int[] faceVertexCounts = [4]
+        int[] faceVertexIndices = [0, 1, 2, 3]
+        point3f[] points = [(-0.15, -0.15, 0), (0.15, -0.15, 0), (0.15, 0.15, 0), (-0.15, 0.15, 0)]
+    }
+}
+"""
+
+
+@BOTH
+def test_primvars_are_layers(record):
+    """Values of each kind of primvar against the point that a pixel shows; filtered ones are means of them."""
+    more = {
+        "P": var("P", "P", "point3f"), "dust": var("dust", "dust", "float", "primvar"),
+        "st": var("st", "st", "texCoord2f", "primvar"), "part": var("part", "part", "int", "primvar"),
+        "tint": var("tint", "primvars:tint", "color4f"), "none": var("none", "nothing", "float", "primvar"),
+    }  # fmt: skip
+    VARS.update(more)
+    files = {}
+    try:
+        names = ["P", "dust", "st", "part", "tint", "none"]
+        products = {"All": product("All", "all.exr", ["ids", *names])}
+        camera = CAMERA + BOARDS.replace("{", "{{").replace("}", "}}")
+        for filters in (0, 1):
+            text = stage(products, f"bool oocpt:filterAovs = {filters}", camera=camera)
+            done, folder = record(text, "--products")
+            files[filters] = channels(folder / "all.exr")[0]
+        warned = [line for line in done.stderr.splitlines() if "4 primvars at most" in line]
+        assert len(warned) == 1 and "/Vars/none" in warned[0], done.stderr
+    finally:
+        for name in more:
+            del VARS[name]
+    centred = files[0]
+    x, y, z = (centred[f"P.{axis}"] for axis in "XYZ")
+    hit = as_ids(centred["ids"]) >= 0
+    board, small = hit & (np.abs(z) < 1e-3) & (centred["part"] != 0), hit & (np.abs(z - 1) < 1e-3)
+    assert board.sum() > 100 and small.sum() > 20, (board.sum(), small.sum())
+    compare.near(centred["dust"][board], (x + 2 * y)[board], 1e-5, "a value by vertex")
+    compare.near(centred["st.X"][board], (x[board] + 1) / 2, 1e-6, "coordinates by corner")
+    compare.near(centred["st.Y"][board], (y[board] + 1) / 2, 1e-6, "coordinates by corner")
+    assert centred["part"].dtype == np.uint32 and (centred["part"][board] == 16777215).all(), "a whole number"
+    for channel, value in zip("RGBA", (0.25, 0.5, 0.75, 1.0), strict=True):
+        assert (centred[f"tint.{channel}"][board] == value).all() and not centred[f"tint.{channel}"][~board].any()
+    expected = np.select([x[small] < -0.3, x[small] < 0.3], [10.0, 20.0], 30.0)
+    assert (centred["dust"][small] == expected).all() and len(set(expected)) == 3, "a value by instance"
+    for name in ("dust", "st.X", "st.Y", "part"):
+        assert not centred[name][~hit].any(), f"{name} where nothing is"
+    filtered = files[1]
+    assert np.array_equal(filtered["part"], centred["part"]), "whole numbers have no mean"
+    means = filtered["dust"][board] - (filtered["P.X"] + 2 * filtered["P.Y"])[board]
+    assert np.quantile(np.abs(means), 0.7) < 1e-4, "the mean of a linear value is the value at the mean"
+    assert not np.array_equal(filtered["dust"], centred["dust"])
+    edge = filtered["tint.A"][(filtered["tint.A"] > 0) & (filtered["tint.A"] < 1)]
+    assert len(edge) > 10 and "none" not in filtered, "coverage at edges"
+
+
+def test_tiles_parts_and_attributes(record):
+    """The same numbers in lines, tiles and parts; attributes of the scene's are in the header."""
+    kinds = {
+        "lines": "",
+        "tiles": "bool oocpt:tiled = 1\nint oocpt:tileSize = 16",
+        "karma": 'token driver:parameters:OpenEXR:storage = "tiled"',
+        "parts": (
+            "bool driver:parameters:OpenEXR:multipart = 1\nstring driver:parameters:artist = \"A. Painter\"\n"
+            "int driver:parameters:OpenEXR:shot = 7\nfloat driver:parameters:OpenEXR:lens:focal = 35.5\n"
+            'string driver:parameters:OpenEXR:channels = "none"'
+        ),
+    }
+    layers = ("beauty", "ids", "N", "depth")
+    products = {name: product(name, f"{name}.exr", layers, more=more) for name, more in kinds.items()}
+    done, folder = record(stage(products), "--products")
+    assert "'channels' has another meaning" in done.stderr.replace('"', "'"), done.stderr
+    expected, _ = channels(folder / "lines.exr")
+    for name, side in (("tiles", 16), ("karma", 64)):
+        found, header = channels(folder / f"{name}.exr")
+        assert (header["tiles"].xSize, header["tiles"].ySize) == (side, side)
+        assert found.keys() == expected.keys() and all(np.array_equal(found[c], expected[c]) for c in expected), name
+    with OpenEXR.File(str(folder / "parts.exr"), separate_channels=True) as file:
+        found = {}
+        for part in file.parts:
+            found.update({name: channel.pixels[::-1] for name, channel in part.channels.items()})
+        assert sorted(part.header["name"] for part in file.parts) == ["N", "Z", "ids", "rgba"]
+        assert found.keys() == expected.keys() and all(np.array_equal(found[c], expected[c]) for c in expected)
+        for part in file.parts:
+            assert part.header["artist"] == "A. Painter" and part.header["shot"] == 7
+            assert part.header["lens:focal"] == 35.5 and part.header["oocpt:samples"] == 4.0
 
 
 def test_parts_of_light_are_images_of_hosts(pool):

@@ -12,7 +12,7 @@ import small
 from host import HostError
 from parts import ball, box, camera, distant, dome, instancer, turned
 
-AOVS = ["color", "depth", "primId", "instanceId", "elementId"]
+AOVS = ["color", "depth", "primId", "instanceId", "elementId", "primvars:displayColor"]
 SETTINGS = {"oocpt:samplesPerPixel": 2, "oocpt:maxBounces": 2, "oocpt:seed": 5, "oocpt:chunkSize": 16}
 SIZE = (28, 28)
 MIN_BUDGET = "smallest"

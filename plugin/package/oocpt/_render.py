@@ -70,7 +70,8 @@ def render(
             cameraDepth. `primId`, `instanceId`, `elementId`: i32, -1 where nothing is. `sampleCount`: f32.
             `position`, `Peye`: f32, 3, the point in the space of the world and of the camera. `Ng`: f32, 3, normal of
             the surface as it is traced. `variance`: f32, 3, of the samples. `error`: f32, estimated standard error
-            relative to the pixel. `lpe:C<RD>L` and others: f32, 3, light by its paths.
+            relative to the pixel. `lpe:C<RD>L` and others: f32, 3, light by its paths. `motionBoth`: f32, 4, pixels to
+            the right and up to the shutter's middle, then from it. `primvars:st` and others: f32, 4.
         settings: settings of the renderer by key, "oocpt:" may be left out; they stand above those of the scene.
         purposes: drawn in addition to `default`: `render`, `proxy`, `guide`. The default is usdrecord's.
         time: a time code; without it the stage's first one.

@@ -185,10 +185,12 @@ features! {
     CLIPPING: "clipping planes", [], Never;
     /// The image `motion` is wanted, and something may move: `AovTargets::motion` is used.
     MOTION_VECTORS: "motion over the image", [], Never;
-    /// An image of the shading of surfaces is wanted: `normal`, `Neye` or `albedo`.
-    SHADED_AOVS: "images of normals and albedo", [], Never;
+    /// An image of the shading of surfaces is wanted: `normal`, `Neye`, `albedo` or a primvar.
+    SHADED_AOVS: "images of normals, albedo and primvars", [], Never;
     /// Shares of pixels by object or material are wanted: `FrameConstants::id_slots` is used.
     ID_RANKS: "ids ranked by coverage", [], Never;
+    /// A deep image is wanted: `FrameConstants::deep_slots` is used.
+    DEEP: "deep samples", [], Never;
     /// Pixels have two streams of samples, with different numbers of them: `FrameConstants::adaptive` is used.
     ADAPTIVE: "adaptive sampling: lists of samples, the second stream of the film", [], Never;
     /// Some mesh is made of balls: points.

@@ -93,6 +93,9 @@ shared! {
         /// f32x3, pixels to the right and up and camera depth by which the surface moves from the shutter's opening to
         /// its closing; written by `record_surfaces` with both `Features::STREAMING` and `Features::MOTION_VECTORS`.
         pub motion: u64,
+        /// f32x4, pixels to the right and up from the shutter's opening to its middle, and from there to its closing;
+        /// written as `motion` is.
+        pub motion_both: u64,
         /// f32, samples so far; written by `count_samples`.
         pub sample_count: u64,
         /// f32x3, the point of the surface in the world, with its origin.
@@ -208,6 +211,25 @@ shared! {
         pub instance: u32,
         /// Number of these samples, or their share.
         pub weight: f32,
+    }
+}
+
+shared! {
+    /// Samples of a pixel that met one thing at about one depth, 32 B. All zero = nothing.
+    #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+    pub struct DeepSlot {
+        /// Prim id + 1 of the thing; 0 = it has none, or nothing was met.
+        pub id: u32,
+        /// Its instance id.
+        pub instance: u32,
+        /// Number of these samples or, in an image, their share of the pixel.
+        pub weight: f32,
+        /// Mean of their distances along the view axis; [`crate::DEEP_FAR`] where nothing was met.
+        pub depth: f32,
+        /// Sum of their radiance; in an image their part of the pixel, times the exposure.
+        pub color: [f32; 3],
+        /// Sum of their alpha, or their part of it.
+        pub alpha: f32,
     }
 }
 
@@ -412,6 +434,13 @@ shared! {
         pub light_values: u64,
         /// Outputs of `resolve_planes`: f32x3 per pixel for each expression, as those of `aov`.
         pub light_images: [u64; 32],
+        /// Outputs of `shade_aovs` or, of filtered images, `resolve_planes`: f32x4 per pixel for each primvar that is
+        /// shown, as those of `aov`; none behind the first 0. Only with `Features::SHADED_AOVS`, as the next two.
+        pub primvar_images: [u64; 4],
+        /// Numbers of the names of these primvars; `NO_NAME` of those that no prim has.
+        pub primvar_names: [u32; 4],
+        /// The values of a sample at which they begin; `NO_INDEX` of those that are traced through pixel centres.
+        pub primvar_at: [u32; 4],
         /// Floats from one path's `light_values` to the next one's.
         pub light_stride: u32,
         /// Number of expressions.
@@ -422,6 +451,19 @@ shared! {
         pub mask_count: u32,
         /// Padding; 0.
         pub pad: u32,
+        /// [`DeepSlot`], `deep_samples` of them for each [`crate::FilmPixel`]; 0 without `Features::DEEP`, as the next.
+        /// Zero before the first wave.
+        pub deep_slots: u64,
+        /// Output of `resolve_deep`: as many per pixel, as those of `aov`.
+        pub deep_image: u64,
+        /// The first of the [`DEEP_WORDS`] words of a sample among the `plane_words`, behind all others.
+        pub deep_at: u32,
+        /// Most deep samples of a pixel.
+        pub deep_samples: u32,
+        /// Samples of one thing are one if their depths differ by less than this part of the smaller one,
+        pub deep_tolerance: f32,
+        /// or by less than this distance.
+        pub deep_distance: f32,
     }
 }
 
@@ -433,8 +475,18 @@ pub const PLANE_SUM_BYTES: u32 = size_of::<PlaneSum>() as u32;
 #[allow(clippy::cast_possible_truncation, reason = "the size of a struct")]
 pub const ID_SLOT_BYTES: u32 = size_of::<IdSlot>() as u32;
 
+/// Bytes of a [`DeepSlot`].
+#[allow(clippy::cast_possible_truncation, reason = "the size of a struct")]
+pub const DEEP_SLOT_BYTES: u32 = size_of::<DeepSlot>() as u32;
+
+/// Words of a sample for a deep image: prim id + 1, instance id, and the distance along the view axis as a float.
+pub const DEEP_WORDS: u32 = 3;
+
 /// Ids of a pixel that are kept while it is sampled; beyond these the one of the least weight gives way.
 pub const ID_SLOTS: u32 = 16;
+
+/// Primvars that are shown in a frame.
+pub const MAX_SHOWN_PRIMVARS: u32 = 4;
 
 /// Ids of a pixel in an image.
 pub const ID_RANKS: u32 = 6;

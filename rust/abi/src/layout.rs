@@ -75,6 +75,7 @@ pub const LAYOUTS: &[StructLayout] = &[
     PlaneOffsets::LAYOUT,
     PlaneSum::LAYOUT,
     IdSlot::LAYOUT,
+    DeepSlot::LAYOUT,
     FrameConstants::LAYOUT,
     ClipPlane::LAYOUT,
     StreamingPointers::LAYOUT,

@@ -52,6 +52,8 @@ floats! {
     MAX_PIXEL_ERROR = 1.0e15;
     /// Squared standard errors by which a pixel's mean has to differ from its neighbours' to be believed.
     MEAN_TRUST = 4.0;
+    /// Depth of what is seen where nothing is met: finite, as some readers of deep images calculate with depths.
+    DEEP_FAR = 1.0e30;
     /// Number of steps along u and v of a packed Ptex position: 17 bits each.
     PTEX_STEPS = 131_072.0;
 }

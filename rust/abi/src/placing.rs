@@ -11,6 +11,10 @@ use bytemuck::{Pod, Zeroable};
 pub const REFIT_THREADS: u32 = 1024;
 /// Most levels of a tree that `refit_chunks` refits: more than trees over 2^26 records have.
 pub const REFIT_LEVELS: u32 = 64;
+/// Words of the set of nodes with changed records below them; trees of more nodes are refitted as a whole.
+pub const REFIT_CHANGED_WORDS: u32 = 2048;
+/// In [`GpuChunkMember::changed`]: all elements may differ.
+pub const ALL_CHANGED: u32 = 1;
 
 /// Bits of [`GpuChunkMember::flags`]: an instancer makes the placements; without it there is one, `before * after`.
 pub const MEMBER_INSTANCED: u32 = 1;
@@ -41,6 +45,9 @@ shared! {
         pub scales: u64,
         /// Sixteen doubles for each instance, as Gf stores them.
         pub transforms: u64,
+        /// By array, in the order above: one bit for each element that differs from what the records were made of
+        /// last; 0 if none does, [`ALL_CHANGED`].
+        pub changed: [u64; 4],
         /// Instances that all of these arrays have.
         pub count: u32,
         /// `MEMBER_INSTANCED` and the like.
@@ -60,14 +67,21 @@ shared! {
         pub places: u64,
         /// [`GpuChunkMember`] array.
         pub members: u64,
-        /// Scratch: six floats for each node.
+        /// Six floats for each node: the box of all below it.
         pub boxes: u64,
-        /// Scratch: a number of a node for each node.
+        /// Numbers of the nodes, level by level from the root.
         pub order: u64,
+        /// Number of levels, then the place in `order` where each begins, and where the last ends: `REFIT_LEVELS + 2`.
+        pub levels: u64,
         /// Records.
         pub record_count: u32,
         /// Nodes.
         pub node_count: u32,
+        /// 1 if records, boxes, order and levels are those of the last pass, so that only what
+        /// [`GpuChunkMember::changed`] names has to be placed; else 0.
+        pub is_known: u32,
+        /// Padding; 0.
+        pub pad: u32,
     }
 }
 
@@ -100,7 +114,7 @@ shared! {
         pub count: u32,
         /// `scatter_words`: words of an element.
         pub words: u32,
-        /// Padding; 0.
-        pub pad: [u32; 2],
+        /// `scatter_words`: the set of changed elements, one bit for each.
+        pub changed: u64,
     }
 }

@@ -8,6 +8,7 @@ use oocpt_core::array::TypedArray;
 use oocpt_core::mesh::level_node_count;
 use oocpt_core::scene::InstancerDesc;
 use oocpt_render::Session;
+use rayon::prelude::*;
 use serde::Serialize;
 use std::time::Instant;
 
@@ -50,7 +51,7 @@ struct Row {
     instances: usize,
     moved: usize,
     blurred: bool,
-    /// Making the arrays of the frame: the host's work.
+    /// Making the arrays of the frame: the host's work, by all threads, so that the device does not cool down.
     edit_secs: f64,
     commit_secs: f64,
     upload_secs: f64,
@@ -208,9 +209,10 @@ fn placed(rest: &InstancerDesc, places: &TypedArray, moved: usize, frame: u32, b
         rate.as_vec3().to_array()
     };
     let mut desc = rest.clone();
-    desc.translations = Some(TypedArray::of((0..count).map(at).collect::<Vec<[f32; 3]>>()));
+    desc.translations = Some(TypedArray::of((0..count).into_par_iter().map(at).collect::<Vec<[f32; 3]>>()));
     if blurred {
-        desc.motion.velocities = Some(TypedArray::of((0..count).map(velocity).collect::<Vec<[f32; 3]>>()));
+        desc.motion.velocities =
+            Some(TypedArray::of((0..count).into_par_iter().map(velocity).collect::<Vec<[f32; 3]>>()));
         desc.motion.seconds = [-0.25 / 24.0, 0.25 / 24.0];
     }
     desc

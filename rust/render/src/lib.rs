@@ -38,13 +38,14 @@ pub use host_memory::peak as host_peak_bytes;
 pub use job::SessionOptions;
 pub use job::aov::{AovKind, AovRequest};
 pub use job::commits::CommitProgress;
+pub use job::deep::DeepLimits;
 pub use job::edits::SceneEdit;
 pub use job::expression::ExpressionId;
 #[cfg(feature = "faults")]
 pub use job::faults::{CommitGate, FaultWitness, PlantedFaults};
 pub use job::forced_features::ForcedFeatures;
 pub use job::light_files::{LightFiles, LightPicture, NoFiles};
-pub use job::product::{ProductVar, RenderProduct};
+pub use job::product::{HeaderValue, ProductVar, RenderProduct};
 pub use job::request::{MAX_PIXELS, MAX_SIDE, Message, RenderRequest, Severity};
 pub use job::timings::{LeftMoment, LevelCounts, PassTime, RenderTimings};
 pub use job::window::PixelWindow;

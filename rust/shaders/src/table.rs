@@ -28,7 +28,9 @@ pub enum PassImage {
     Filtered,
     /// Some plane that ranks the ids of what samples meet first.
     RankedIds,
-    /// Some plane of either kind.
+    /// A deep image.
+    Deep,
+    /// Some plane of one of these three kinds, or that of pixel centres.
     FirstHits,
     /// `variance` or `error`.
     Spread,
@@ -173,6 +175,9 @@ passes! {
     /// Counts the samples of a wave or segment in the slots of what they met.
     RankIds = RANK_IDS, When::image(PassImage::RankedIds), Direct("`min(path_count, width * height)`"),
         "`plane_values`" => "`id_slots`";
+    /// Adds the samples of a wave or segment to the deep samples of their pixels.
+    MergeDeep = MERGE_DEEP, When::image(PassImage::Deep), Direct("`min(path_count, width * height)`"),
+        "`plane_values`, `radiance`; streaming: `ended_radiance`" => "`deep_slots`";
     /// Adds the samples of a wave or segment to the film.
     Accumulate = ACCUMULATE, When::ALWAYS, Direct("`min(path_count, width * height)`"),
         "`radiance`; streaming: `ended_radiance`" => "`film`";
@@ -184,10 +189,13 @@ passes! {
         "`film`" => "its plane of `FrameConstants::aov`";
     /// Writes the filtered planes.
     ResolvePlanes = RESOLVE_PLANES, When::image(PassImage::Filtered), Direct("`width * height`"),
-        "`plane_sums`, `film`" => "the filtered planes of `FrameConstants::aov`, `light_images`";
+        "`plane_sums`, `film`" => "the filtered planes of `FrameConstants::aov`, `primvar_images`, `light_images`";
     /// Writes the largest shares of each pixel by id.
     ResolveIds = RESOLVE_IDS, When::image(PassImage::RankedIds), Direct("`width * height`"),
         "`id_slots`, `film`" => "its planes of `FrameConstants::aov`";
+    /// Writes the deep samples of each pixel.
+    ResolveDeep = RESOLVE_DEEP, When::image(PassImage::Deep), Direct("`width * height`"),
+        "`deep_slots`, `film`" => "`deep_image`";
     /// Writes the variance and the error of each pixel.
     TellSpread = TELL_SPREAD, When::image(PassImage::Spread), Direct("`width * height`"),
         "`film`" => "its planes of `FrameConstants::aov`";
@@ -258,6 +266,7 @@ pub fn document() -> String {
             PassImage::PixelCentres => "images through pixel centres".to_owned(),
             PassImage::Filtered => "filtered images".to_owned(),
             PassImage::RankedIds => "ranked ids".to_owned(),
+            PassImage::Deep => "deep samples".to_owned(),
             PassImage::FirstHits => "images of first hits".to_owned(),
             PassImage::Spread => "`variance` or `error`".to_owned(),
             PassImage::SampleCount => "`sampleCount`".to_owned(),

@@ -64,6 +64,8 @@ enum XtaskCommand {
     },
     /// Pack plugin, `usdrecord` and command as a Python package into `build/dist`, for `pip install`
     Wheel,
+    /// Pack plugin and add-on as an extension of Blender 5.0 into `build/dist`, to install from disk
+    Blender,
     /// Run all tests, or those whose name contains FILTER
     Test {
         /// Part of a test's name
@@ -129,6 +131,7 @@ fn perform(task: XtaskCommand) -> Result<()> {
         XtaskCommand::Record { arguments } => record(&places, &arguments),
         XtaskCommand::Env => print_env(&places),
         XtaskCommand::Wheel => product::pack(&places, &set_up(&places)?),
+        XtaskCommand::Blender => product::pack_for_blender(&places, &set_up(&places)?),
         XtaskCommand::Install { usd, prefix } => install(&places, &usd, &prefix),
         XtaskCommand::Test { filter, full } => {
             let interpreter = set_up(&places)?;

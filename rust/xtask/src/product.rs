@@ -133,6 +133,19 @@ pub(crate) fn pack(places: &RootFolders, interpreter: &PythonInterpreter) -> Res
     run(&mut pack)
 }
 
+/// Builds the plugin, and packs it with the add-on as an extension of Blender into `build/dist`.
+///
+/// # Errors
+/// If cargo, `CMake`, the build or the packing fails.
+pub(crate) fn pack_for_blender(places: &RootFolders, interpreter: &PythonInterpreter) -> Result<()> {
+    build_for_wheel(places, interpreter)?;
+    let mut pack = Command::new(&interpreter.program);
+    pack.arg("-I").arg(places.repo.join("plugin/blender/pack.py"));
+    pack.arg("--plugin").arg(places.wheel_build().join("plugin"));
+    pack.arg("--out").arg(places.repo.join("build/dist"));
+    run(&mut pack)
+}
+
 /// Builds release code against the SDK at `usd` and installs the plugin below `prefix`.
 ///
 /// # Errors

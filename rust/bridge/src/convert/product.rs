@@ -3,7 +3,7 @@
 
 use super::request::render_request;
 use crate::ffi::{NamedValue, ProductDesc, ProductVarDesc, ScalarTag};
-use oocpt_render::{ProductVar, RenderProduct};
+use oocpt_render::{HeaderValue, ProductVar, RenderProduct};
 
 /// A product as the renderer takes it.
 pub(crate) fn render_product(desc: ProductDesc) -> RenderProduct {
@@ -13,6 +13,7 @@ pub(crate) fn render_product(desc: ProductDesc) -> RenderProduct {
         kind: desc.kind,
         name: desc.name,
         vars: desc.vars.into_iter().map(var).collect(),
+        numbers: numbers(&desc.settings),
         settings: texts(desc.settings),
         color_space: desc.color_space,
         pixel_aspect: desc.pixel_aspect,
@@ -30,6 +31,16 @@ fn var(desc: ProductVarDesc) -> ProductVar {
         source_type: desc.source_type,
         settings: texts(desc.settings),
     }
+}
+
+/// Those of the settings that are numbers.
+fn numbers(settings: &[NamedValue]) -> Vec<(String, HeaderValue)> {
+    let number = |NamedValue { key, value }: &NamedValue| match value.tag {
+        ScalarTag::Int => i32::try_from(value.integer).ok().map(|number| (key.clone(), HeaderValue::Whole(number))),
+        ScalarTag::Float => Some((key.clone(), HeaderValue::Real(value.real))),
+        _ => None,
+    };
+    settings.iter().filter_map(number).collect()
 }
 
 /// Settings as text.

@@ -68,6 +68,8 @@ impl<'a> ArrayView<'a> {
     #[inline]
     fn floats<const N: usize>(&self, i: usize) -> Option<[f64; N]>
     where
+        [u8; N]: Pod,
+        [i32; N]: Pod,
         [f16; N]: Pod,
         [f32; N]: Pod,
         [f64; N]: Pod,
@@ -79,11 +81,12 @@ impl<'a> ArrayView<'a> {
             ComponentType::F16 => self.read::<f16, N>(i).map(|v| v.map(f16::to_f64)),
             ComponentType::F32 => self.read::<f32, N>(i).map(|v| v.map(f64::from)),
             ComponentType::F64 => self.read::<f64, N>(i),
-            ComponentType::U8 | ComponentType::I32 => None,
+            ComponentType::I32 => self.read::<i32, N>(i).map(|v| v.map(f64::from)),
+            ComponentType::U8 => self.read::<u8, N>(i).map(|v| v.map(|byte| f64::from(u8::from(byte != 0)))),
         }
     }
 
-    /// Element `i` of a half, float or double array.
+    /// Element `i` of an array of numbers; of bools 0 or 1.
     #[must_use]
     #[inline]
     pub fn scalar(&self, i: usize) -> Option<f64> {

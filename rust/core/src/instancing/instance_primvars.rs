@@ -74,7 +74,7 @@ impl InstancePrimvar {
     /// Number of floats of a value; `None` for types that are not numbers.
     pub(crate) fn width(&self) -> Option<u32> {
         Some(match self.values.element() {
-            ElementType::F16 | ElementType::F32 | ElementType::F64 => 1,
+            ElementType::F16 | ElementType::F32 | ElementType::F64 | ElementType::I32 | ElementType::Bool => 1,
             ElementType::Vec2h | ElementType::Vec2f | ElementType::Vec2d => 2,
             ElementType::Vec3h | ElementType::Vec3f | ElementType::Vec3d => 3,
             ElementType::Vec4h | ElementType::Vec4f | ElementType::Vec4d => 4,

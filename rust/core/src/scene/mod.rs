@@ -285,6 +285,12 @@ impl SceneDb {
         self.partition.set_late(is_late);
     }
 
+    /// Sets the primvars that images are wanted of, by name, from the next commit on: prims keep them although no
+    /// material reads them ([`SurfaceTables::shown_primvars`]). None by default.
+    pub fn show_primvars(&mut self, names: &[Arc<str>]) {
+        self.edited |= self.surface_store.show_primvars(names);
+    }
+
     /// Sets the camera that decides how finely subdivision surfaces are cut, from the next commit on. Before the first
     /// call they are cut as their refine levels say.
     pub fn set_dicing(&mut self, camera: DicingCamera) {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The immutable result of a commit. It is shared between threads by `Arc` and never changes.
 
-use oocpt_abi::{Features, MaterialFlags, PrimMask};
+use oocpt_abi::{Features, MaterialFlags, NO_NAME, PrimMask};
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
@@ -69,11 +69,19 @@ pub struct SurfaceTables {
     pub labels: Vec<Option<Arc<str>>>,
     /// What prims do without, by prim id + 1; empty if none has a bit, and may be shorter than the largest id.
     pub masks: Vec<PrimMask>,
+    /// Primvars that images are wanted of, with the numbers of their names ([`crate::MeshAsset::primvars`]).
+    pub shown_primvars: Vec<(Arc<str>, u32)>,
     /// Collections that prims are in, sorted; the first is empty.
     pub category_sets: Vec<Vec<Arc<str>>>,
 }
 
 impl SurfaceTables {
+    /// The number of the name of a primvar that an image is wanted of; `NO_NAME` if there is none.
+    #[must_use]
+    pub fn primvar_number(&self, name: &str) -> u32 {
+        self.shown_primvars.iter().find(|(shown, _)| **shown == *name).map_or(NO_NAME, |(_, number)| *number)
+    }
+
     /// Features that the materials need.
     #[must_use]
     pub fn features(&self) -> Features {

@@ -67,6 +67,8 @@ pub(crate) struct SurfaceStore {
     names: FxHashMap<Arc<str>, u32>,
     /// Materials of the last commit by path.
     materials: FxHashMap<Arc<str>, Arc<Material>>,
+    /// Primvars that images are wanted of, with the numbers of their names.
+    shown_primvars: Vec<(Arc<str>, u32)>,
     /// True if boxes ignore cutouts, for tests.
     pub(crate) has_whole_bounds: bool,
 }
@@ -75,7 +77,8 @@ impl Default for SurfaceStore {
     fn default() -> Self {
         let names = [("displayColor", NAME_DISPLAY_COLOR), ("displayOpacity", NAME_DISPLAY_OPACITY)];
         let names = names.map(|(name, id)| (name.into(), id)).into_iter().collect();
-        Self { names, materials: FxHashMap::default(), has_whole_bounds: false }
+        let (materials, shown_primvars) = (FxHashMap::default(), Vec::new());
+        Self { names, materials, shown_primvars, has_whole_bounds: false }
     }
 }
 
@@ -124,6 +127,17 @@ fn cutouts(desc: &MeshDesc, materials: &BTreeMap<Arc<str>, MaterialEntry>) -> Sl
 }
 
 impl SurfaceStore {
+    /// Sets the primvars that images are wanted of: prims build them, and instancers offer them. Returns if these are
+    /// others than before.
+    pub(crate) fn show_primvars(&mut self, names: &[Arc<str>]) -> bool {
+        let same = self.shown_primvars.iter().map(|(name, _)| name).eq(names);
+        if !same {
+            let names = names.iter().filter(|name| built_in(name).is_none());
+            self.shown_primvars = names.map(|name| (Arc::clone(name), self.id(name))).collect();
+        }
+        !same
+    }
+
     /// Compiles the materials of the meshes `shown`, and sets on every mesh the primvars that it has to build and its
     /// displacement; a mesh that was built with others forgets its asset. Solids that emit become polygons.
     pub(crate) fn prepare(
@@ -134,8 +148,10 @@ impl SurfaceStore {
         shown: &FxHashSet<Arc<str>>,
         reports: &mut CommitReports,
     ) {
+        let shown_primvars = self.shown_primvars.clone();
         for (path, entry) in meshes.iter_mut().filter(|(path, _)| shown.contains(*path)) {
-            let mut names: Vec<&Arc<str>> = Vec::new();
+            let (seen, unseen) = shown_primvars.iter().partition::<Vec<_>, _>(|(name, _)| has(&entry.desc, name));
+            let mut names: Vec<&Arc<str>> = seen.into_iter().map(|(name, _)| name).collect();
             for material in bindings(&entry.desc).flatten() {
                 match materials.get_mut(material) {
                     Some(found) => {
@@ -145,7 +161,7 @@ impl SurfaceStore {
                 }
             }
             let is_instanced = !entry.desc.prim.instanced_by.is_empty();
-            let mut lacks: Vec<u32> = Vec::new();
+            let mut lacks: Vec<u32> = unseen.into_iter().map(|(_, number)| *number).collect();
             for material in bindings(&entry.desc) {
                 let compiled = material.and_then(|material| materials.get(material)).and_then(|m| m.compiled.as_ref());
                 let Some(material) = compiled.and_then(|c| c.material.as_ref()) else {
@@ -250,7 +266,7 @@ impl SurfaceStore {
         let ShownMeshes { meshes, lights, paths: shown, linked } = shown;
         let is_linked: FxHashSet<&Arc<str>> = linked.list().iter().map(|prim| &prim.path).collect();
         let mut linked_slots: FxHashMap<&Arc<str>, Vec<u32>> = FxHashMap::default();
-        let mut tables = SurfaceTables::default();
+        let mut tables = SurfaceTables { shown_primvars: self.shown_primvars.clone(), ..SurfaceTables::default() };
         let mut indices: FxHashMap<Arc<str>, u32> = FxHashMap::default();
         let used: FxHashSet<&Arc<str>> = meshes
             .iter()
@@ -437,7 +453,8 @@ impl SurfaceTables {
     pub(crate) fn trim(&mut self) {
         if self.materials.is_empty() && self.category_sets.len() <= 1 {
             let (labels, masks) = (std::mem::take(&mut self.labels), std::mem::take(&mut self.masks));
-            *self = Self { labels, masks, ..Self::default() };
+            let shown_primvars = std::mem::take(&mut self.shown_primvars);
+            *self = Self { labels, masks, shown_primvars, ..Self::default() };
         }
     }
 
@@ -451,6 +468,7 @@ impl SurfaceTables {
             && self.category_sets == other.category_sets
             && self.labels == other.labels
             && self.masks == other.masks
+            && self.shown_primvars == other.shown_primvars
     }
 
     /// Checks every invariant of the tables.

@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Arrays of instancers on the device, as the host lends them. An array that replaces another one of its length is
-//! compared with it, and what differs is sent: few elements as a list that a pass scatters
+//! compared with it, and what differs is sent: few elements as a list that a pass scatters, with a set of them
 //! (`shaders/scene/scatter_words.comp`), else all of it. Render thread only; threads of the pool compare and copy.
 
 use super::copied::CopiedAssets;
 use super::encode::AssetCopier;
 use crate::device::Device;
 use crate::error::RenderError;
+use oocpt_abi::ALL_CHANGED;
 use oocpt_core::array::TypedArray;
 use oocpt_gpu::HeapRange;
 use rayon::prelude::*;
@@ -91,6 +92,8 @@ pub(super) struct ScatteredWords {
     /// Of each its number and its words.
     pub(super) entries: HeapRange,
     pub(super) target: u64,
+    /// One bit for each element of the array, to be set for those that are replaced.
+    pub(super) changed: HeapRange,
     pub(super) count: u32,
     pub(super) words: u32,
 }
@@ -100,6 +103,8 @@ struct LentArray {
     /// It is held, so that its identity is that of no other array.
     array: TypedArray,
     memory: HeapRange,
+    /// What differs from before it was brought last, as [`oocpt_abi::GpuChunkMember::changed`].
+    changed: u64,
 }
 
 /// Arrays on the device.
@@ -107,7 +112,7 @@ struct LentArray {
 pub(super) struct LentArrays {
     arrays: Vec<LentArray>,
     /// Addresses by the identity of the array.
-    addresses: FxHashMap<(usize, usize), u64>,
+    addresses: FxHashMap<(usize, usize), [u64; 2]>,
 }
 
 impl LentArrays {
@@ -116,9 +121,10 @@ impl LentArrays {
         self.arrays.iter().map(|array| array.memory.size()).sum()
     }
 
-    /// The address of an array; 0 without one, or if it is not there.
-    pub(super) fn address(&self, wanted: Option<&TypedArray>) -> u64 {
-        wanted.and_then(|wanted| self.addresses.get(&wanted.identity())).copied().unwrap_or(0)
+    /// The address of an array, and what changed in it when it was brought last; zeros without one, or if it is not
+    /// there.
+    pub(super) fn find(&self, wanted: Option<&TypedArray>) -> [u64; 2] {
+        wanted.and_then(|wanted| self.addresses.get(&wanted.identity())).copied().unwrap_or_default()
     }
 
     /// Brings all of `wanted`, in place of arrays that are not among `live`; frees the others of these. Elements to be
@@ -130,26 +136,35 @@ impl LentArrays {
         scattered: &mut Vec<ScatteredWords>,
     ) -> Result<(), RenderError> {
         let is_live = |known: &LentArray| live.known.contains(&known.array.identity());
-        let (kept, mut stale): (Vec<_>, Vec<_>) = std::mem::take(&mut self.arrays).into_iter().partition(is_live);
+        let (mut kept, mut stale): (Vec<_>, Vec<_>) = std::mem::take(&mut self.arrays).into_iter().partition(is_live);
+        kept.iter_mut().for_each(|known| known.changed = 0);
         self.addresses = kept.iter().map(LentArray::address).collect();
         self.arrays = kept;
         for array in &wanted.arrays {
-            if self.address(Some(array)) != 0 {
+            if self.find(Some(array))[0] != 0 {
                 continue;
             }
             let fits = |known: &LentArray| known.array.element() == array.element() && known.array.len() == array.len();
-            let memory = match stale.iter().position(fits).map(|at| stale.remove(at)) {
-                Some(LentArray { array: old, memory }) => {
-                    match changed(old.view().bytes(), array.view().bytes(), array.element().size()) {
-                        Some(entries) if entries.is_empty() => {}
-                        Some(entries) => scattered.push(ScatteredWords::new(sent, &memory, array, &entries)?),
-                        None => sent.send(&memory, array.view().bytes())?,
-                    }
-                    memory
+            let (memory, changed) = match stale.iter().position(fits).map(|at| stale.remove(at)) {
+                Some(LentArray { array: old, memory, .. }) => {
+                    let changed = match changed(old.view().bytes(), array.view().bytes(), array.element().size()) {
+                        Some(entries) if entries.is_empty() => 0,
+                        Some(entries) => {
+                            let words = ScatteredWords::new(sent, &memory, array, &entries)?;
+                            let address = words.changed.address();
+                            scattered.push(words);
+                            address
+                        }
+                        None => {
+                            sent.send(&memory, array.view().bytes())?;
+                            u64::from(ALL_CHANGED)
+                        }
+                    };
+                    (memory, changed)
                 }
-                None => sent.range("array of instances", array.view().bytes())?,
+                None => (sent.range("array of instances", array.view().bytes())?, u64::from(ALL_CHANGED)),
             };
-            let known = LentArray { array: array.clone(), memory };
+            let known = LentArray { array: array.clone(), memory, changed };
             self.addresses.extend([known.address()]);
             self.arrays.push(known);
         }
@@ -158,8 +173,8 @@ impl LentArrays {
 }
 
 impl LentArray {
-    fn address(&self) -> ((usize, usize), u64) {
-        (self.array.identity(), self.memory.address())
+    fn address(&self) -> ((usize, usize), [u64; 2]) {
+        (self.array.identity(), [self.memory.address(), self.changed])
     }
 }
 
@@ -173,7 +188,9 @@ impl ScatteredWords {
     ) -> Result<Self, RenderError> {
         let words = array.element().size() / size_of::<u32>();
         let count = entries.len() / (words + 1);
+        let set_bytes = (array.len().div_ceil(32).max(1) * size_of::<u32>()) as u64;
         Ok(Self {
+            changed: sent.device.heap.alloc("set of changed elements", set_bytes, ALIGN)?,
             entries: sent.range("changed elements", bytemuck::cast_slice(entries))?,
             target: target.address(),
             // Arrays have fewer elements than 2^32.

@@ -40,10 +40,10 @@ impl AssetStore {
             let Some(members) = chunk.placing().filter(|members| members.iter().all(is_known)) else { continue };
             arrays.add(arrays_of(&members));
             let from = before.get(&chunk.shape()).filter(|_| !rebuilt.contains(&chunk.shape()));
-            let resident = from.and_then(|from| Some((from, self.get(from)?.address())));
+            let resident = from.and_then(|from| Some((from, Arc::clone(&self.get(from)?.memory))));
             described += members.len() * size_of::<GpuChunkMember>();
-            if let Some((&from, records)) = resident {
-                moved.push(MovedChunk { chunk, members, from, records });
+            if let Some((&from, memory)) = resident {
+                moved.push(MovedChunk { chunk, members, from, memory });
             }
         }
         if moved.is_empty() || described > MAX_DESCRIBED {

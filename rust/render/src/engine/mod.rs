@@ -82,6 +82,7 @@ impl CompiledFeatures {
         needed.set(Features::MOTION_VECTORS, moves && film.has_motion());
         needed.set(Features::SHADED_AOVS, film.has_shaded_planes());
         needed.set(Features::ID_RANKS, film.filtered().is_some_and(FilteredPlanes::has_ids));
+        needed.set(Features::DEEP, film.filtered().is_some_and(FilteredPlanes::has_deep));
         needed.set(Features::CLIPPING, !context.clip_planes.is_empty());
         needed.set(Features::ADAPTIVE, film.adaptive().is_some());
         needed.set(Features::PIXEL_FILTER, film.has_color() && !job.settings.filter().is_plain());

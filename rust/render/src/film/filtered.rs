@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Images that are filtered with the samples: for each the mean over a pixel's samples of what they meet first, or of
-//! the light that they meet on the paths of an expression, or the ids of what they meet first, ranked by their number.
+//! the light that they meet on the paths of an expression, or the ids of what they meet first, ranked by their number,
+//! or what they meet first by its depth.
 //! Values lie in this order.
 //!
 //! A sample leaves its values for all of them, one after the other, at its path or, while streaming, at its place in a
@@ -8,8 +9,9 @@
 //! bits depend on budget and schedule as little as those of the colour. Without such an image there is nothing of it.
 
 use crate::job::aov::AovKind;
+use crate::job::deep::DeepLimits;
 use crate::job::expression::ExpressionId;
-use oocpt_abi::{FrameConstants, ID_SLOTS, IdSlot, PlaneOffsets, PlaneSum};
+use oocpt_abi::{DEEP_WORDS, DeepSlot, FrameConstants, ID_SLOTS, IdSlot, PlaneOffsets, PlaneSum};
 use oocpt_gpu::{Buffer, BufferUsage, Gpu, GpuError};
 use std::sync::Arc;
 
@@ -19,13 +21,13 @@ const ID_WORDS: u32 = 2;
 /// The filtered images of a film, and the sums of their values.
 #[derive(Debug)]
 pub(crate) struct FilteredPlanes {
-    /// In the order of their values; those that rank ids come last.
+    /// In the order of their values; those that rank ids come last, but for a deep image.
     kinds: Vec<AovKind>,
     sample: SampleWords,
-    /// [`PlaneSum`] of each value, for each record of the film; behind them [`IdSlot`]s.
+    /// [`PlaneSum`] of each value, for each record of the film; behind them [`IdSlot`]s, then [`DeepSlot`]s.
     pub(crate) sums: Buffer,
-    /// The byte at which the slots begin.
-    slots_at: u64,
+    /// The bytes at which both begin.
+    slots_at: [u64; 2],
 }
 
 /// What a sample has for filtered images.
@@ -35,19 +37,26 @@ struct SampleWords {
     summed: u32,
     /// Ids that are ranked.
     ids: u32,
+    /// A deep image, which has [`DEEP_WORDS`].
+    deep: Option<DeepLimits>,
 }
 
 impl SampleWords {
     fn of(kinds: &[AovKind]) -> Self {
-        let summed = kinds.iter().filter(|kind| !kind.ranks_ids());
-        // At most three for each kind.
+        let summed = kinds.iter().filter(|kind| !kind.is_list());
+        // At most four for each kind.
         let summed = summed.map(|kind| u32::try_from(kind.channels()).unwrap_or(0)).sum();
         let ids = kinds.iter().filter(|kind| kind.ranks_ids()).count();
-        Self { summed, ids: u32::try_from(ids).unwrap_or(0) }
+        Self { summed, ids: u32::try_from(ids).unwrap_or(0), deep: kinds.iter().find_map(|kind| kind.deep()) }
+    }
+
+    /// Words before those of a deep image.
+    fn before_deep(self) -> u32 {
+        self.summed + ID_WORDS * self.ids
     }
 
     fn all(self) -> u32 {
-        self.summed + ID_WORDS * self.ids
+        self.before_deep() + self.deep.map_or(0, |_| DEEP_WORDS)
     }
 
     fn sums_bytes(self, records: u64) -> u64 {
@@ -57,19 +66,26 @@ impl SampleWords {
     fn slots_bytes(self, records: u64) -> u64 {
         records * u64::from(self.ids) * u64::from(ID_SLOTS) * size_of::<IdSlot>() as u64
     }
+
+    fn deep_bytes(self, records: u64) -> u64 {
+        records * self.deep.map_or(0, |limits| u64::from(limits.samples())) * size_of::<DeepSlot>() as u64
+    }
 }
 
 /// Those of `kinds`, which are sorted, that samples have values for, in the order of these; `filters`: with means of
 /// first hits.
 pub(crate) fn filtered(kinds: &[AovKind], filters: bool) -> Vec<AovKind> {
     let of_samples = || kinds.iter().copied().filter(|kind| kind.is_of_samples(filters));
-    of_samples().filter(|kind| !kind.ranks_ids()).chain(of_samples().filter(|kind| kind.ranks_ids())).collect()
+    let (means, lists): (Vec<_>, Vec<_>) = of_samples().partition(|kind| !kind.is_list());
+    let (ids, deep): (Vec<_>, Vec<_>) = lists.into_iter().partition(|kind| kind.ranks_ids());
+    // Requests have one deep image at most.
+    [means, ids, deep].concat()
 }
 
 /// Bytes of the sums and slots of a film of so many records.
 pub(crate) fn sums_bytes(kinds: &[AovKind], records: u64) -> u64 {
     let sample = SampleWords::of(kinds);
-    sample.sums_bytes(records) + sample.slots_bytes(records)
+    sample.sums_bytes(records) + sample.slots_bytes(records) + sample.deep_bytes(records)
 }
 
 impl FilteredPlanes {
@@ -80,7 +96,8 @@ impl FilteredPlanes {
         }
         let sample = SampleWords::of(&kinds);
         let sums = Buffer::new(gpu, "plane_sums", sums_bytes(&kinds, records), BufferUsage::Device)?;
-        Ok(Some(Self { kinds, sample, sums, slots_at: sample.sums_bytes(records) }))
+        let ids_at = sample.sums_bytes(records);
+        Ok(Some(Self { kinds, sample, sums, slots_at: [ids_at, ids_at + sample.slots_bytes(records)] }))
     }
 
     pub(crate) fn has(&self, kind: AovKind) -> bool {
@@ -99,7 +116,7 @@ impl FilteredPlanes {
 
     /// Whether some of them are of what samples meet first.
     pub(crate) fn has_first_hits(&self) -> bool {
-        self.kinds.iter().any(|kind| kind.is_filterable() || kind.ranks_ids())
+        self.kinds.iter().any(|kind| kind.is_filterable() || kind.is_list())
     }
 
     /// Values of a sample.
@@ -117,20 +134,43 @@ impl FilteredPlanes {
         self.sample.ids > 0
     }
 
+    /// Whether there is a deep image.
+    pub(crate) fn has_deep(&self) -> bool {
+        self.sample.deep.is_some()
+    }
+
     /// Writes what passes ask of them into a frame block.
     pub(crate) fn bind(&self, frame: &mut FrameConstants) {
         frame.plane_sums = self.sums.address();
-        frame.id_slots = if self.has_ids() { self.sums.address() + self.slots_at } else { 0 };
+        let [ids, deep] = self.slots_at.map(|at| self.sums.address() + at);
+        frame.id_slots = if self.has_ids() { ids } else { 0 };
+        if let Some(limits) = self.sample.deep {
+            (frame.deep_slots, frame.deep_at) = (deep, self.sample.before_deep());
+            frame.deep_samples = u32::from(limits.samples());
+            [frame.deep_tolerance, frame.deep_distance] = limits.depths();
+        }
         frame.plane_words = self.sample.all();
         (frame.sum_words, frame.id_count) = (self.sample.summed, self.sample.ids);
         frame.light_count = u32::try_from(self.expressions().len()).unwrap_or(0);
-        let mut at = 0;
-        for kind in &self.kinds {
-            if let Some(first) = offset(&mut frame.plane_at, *kind) {
+        for (kind, at) in self.places() {
+            if let Some(first) = offset(&mut frame.plane_at, kind) {
                 *first = at;
             }
-            at += SampleWords::of(&[*kind]).all();
         }
+    }
+
+    /// The images, and the value of a sample at which each begins.
+    fn places(&self) -> impl Iterator<Item = (AovKind, u32)> {
+        self.kinds.iter().scan(0, |at, kind| {
+            let first = *at;
+            *at += SampleWords::of(&[*kind]).all();
+            Some((*kind, first))
+        })
+    }
+
+    /// The value of a sample at which an image begins.
+    pub(crate) fn place_of(&self, kind: AovKind) -> Option<u32> {
+        self.places().find(|(have, _)| *have == kind).map(|(_, at)| at)
     }
 }
 
@@ -152,17 +192,21 @@ fn offset(at: &mut PlaneOffsets, kind: AovKind) -> Option<&mut u32> {
         | AovKind::InstanceId
         | AovKind::ElementId
         | AovKind::Motion
+        | AovKind::MotionBoth
         | AovKind::SampleCount
         | AovKind::Variance
         | AovKind::Error
         | AovKind::Denoised
-        | AovKind::Light(_) => None,
+        | AovKind::Primvar(_)
+        | AovKind::Light(_)
+        | AovKind::Deep(_) => None,
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::job::primvar::PrimvarImage;
 
     #[test]
     fn what_can_be_filtered_has_a_place_among_the_values() {
@@ -171,9 +215,16 @@ mod tests {
             assert_eq!(offset(&mut at, kind).is_some(), kind.is_filterable() || kind.ranks_ids(), "{kind:?}");
         }
         let all = filtered(&AovKind::ALL, true);
-        assert_eq!(SampleWords::of(&all), SampleWords { summed: 18, ids: 2 }, "six images of three channels");
+        assert_eq!(
+            SampleWords::of(&all),
+            SampleWords { summed: 18, ids: 2, deep: None },
+            "six images of three channels"
+        );
         assert!(all[..6].iter().all(|kind| kind.is_filterable()), "ids come last: {all:?}");
         assert_eq!(filtered(&AovKind::ALL, false), [AovKind::CryptoObject, AovKind::CryptoMaterial]);
+        let [mean, centred] = [false, true].map(|is| AovKind::Primvar(PrimvarImage::of("st", is).expect("a name")));
+        assert_eq!(filtered(&[mean, centred], true), [mean], "whole numbers have no mean");
+        assert_eq!(SampleWords::of(&[mean]), SampleWords { summed: 4, ids: 0, deep: None });
         assert_eq!(size_of::<IdSlot>() * oocpt_abi::ID_RANKS as usize, AovKind::CryptoObject.pixel_bytes());
     }
 }

@@ -18,14 +18,15 @@ use crate::film::filtered::FilteredPlanes;
 use crate::job::RenderJob;
 use crate::job::aov::{AovKind, AovRequest};
 use crate::job::expression::ExpressionId;
+use crate::job::primvar::PrimvarImage;
 use crate::job::publish::{PictureExtent, PublishedImages};
 use crate::job::request::RenderRequest;
 use crate::job::window::{FilmWindow, PictureLayout};
 use crate::sync::lock;
 use crate::wave::{ERROR_SLOTS, LAST_SLOT, Wave, WavePiece, pieces};
 use oocpt_abi::{
-    ERROR_GROUPS, ERROR_SUMS_BYTES, ErrorSums, ExactPixel, FilmPixel, FrameConstants, PlaneOffsets, PushConstants,
-    WORKGROUP_SIZE, WavefrontCounters,
+    ERROR_GROUPS, ERROR_SUMS_BYTES, ErrorSums, ExactPixel, FilmPixel, FrameConstants, NO_INDEX, PlaneOffsets,
+    PushConstants, WORKGROUP_SIZE, WavefrontCounters,
 };
 use oocpt_core::adaptive::STREAMS;
 use oocpt_core::inventory::RenderInventory;
@@ -318,15 +319,15 @@ impl Film {
         self.error_scale.load(Ordering::Relaxed)
     }
 
-    /// Whether some of these tells how surfaces are shaded.
+    /// Whether some of these tells how surfaces are shaded, or shows a primvar.
     pub(crate) fn has_shaded_planes(&self) -> bool {
         let shaded = [AovKind::Normal, AovKind::Neye, AovKind::Albedo];
-        self.planes.iter().any(|(kind, _)| shaded.contains(kind))
+        self.planes.iter().any(|(kind, _)| shaded.contains(kind) || kind.primvar().is_some())
     }
 
     /// Whether it is wanted how what is seen moves over the image.
     pub(crate) fn has_motion(&self) -> bool {
-        self.kinds.contains(&AovKind::Motion)
+        self.kinds.contains(&AovKind::Motion) || self.kinds.contains(&AovKind::MotionBoth)
     }
 
     /// Whether sums that merge are wanted.
@@ -364,7 +365,7 @@ impl Film {
                 }
             }
         }
-        for (kind, plane) in self.planes.iter().filter(|(kind, _)| kind.expression().is_some()) {
+        for (kind, plane) in self.planes.iter().filter(|(kind, _)| !AovKind::ALL.contains(kind)) {
             inventory.add(&format!("image {}", kind.name()), plane.size());
         }
         match &self.adaptive {
@@ -399,7 +400,8 @@ impl Film {
         }
         for (kind, plane) in &self.planes {
             let address = match kind {
-                AovKind::Color | AovKind::Denoised | AovKind::Light(_) => continue,
+                AovKind::Color | AovKind::Denoised | AovKind::Primvar(_) | AovKind::Light(_) => continue,
+                AovKind::Deep(_) => &mut frame.deep_image,
                 AovKind::Depth => &mut frame.aov.depth,
                 AovKind::CameraDepth => &mut frame.aov.camera_depth,
                 AovKind::PrimId => &mut frame.aov.prim_id,
@@ -409,6 +411,7 @@ impl Film {
                 AovKind::Neye => &mut frame.aov.neye,
                 AovKind::Albedo => &mut frame.aov.albedo,
                 AovKind::Motion => &mut frame.aov.motion,
+                AovKind::MotionBoth => &mut frame.aov.motion_both,
                 AovKind::SampleCount => &mut frame.aov.sample_count,
                 AovKind::Position => &mut frame.aov.position,
                 AovKind::Peye => &mut frame.aov.peye,
@@ -420,8 +423,23 @@ impl Film {
             };
             *address = plane.address();
         }
+        self.bind_primvars(frame);
         for aov in aovs {
             bind_clear(frame, aov);
+        }
+    }
+
+    /// The primvars that are shown, in the order of their images.
+    pub(crate) fn primvars(&self) -> impl Iterator<Item = PrimvarImage> {
+        self.planes.iter().filter_map(|(kind, _)| kind.primvar())
+    }
+
+    fn bind_primvars(&self, frame: &mut FrameConstants) {
+        let shown = self.planes.iter().filter(|(kind, _)| kind.primvar().is_some());
+        let targets = frame.primvar_images.iter_mut().zip(&mut frame.primvar_at);
+        for ((kind, plane), (image, at)) in shown.zip(targets) {
+            *image = plane.address();
+            *at = self.filtered.as_ref().and_then(|filtered| filtered.place_of(*kind)).unwrap_or(NO_INDEX);
         }
     }
 
@@ -550,9 +568,16 @@ fn bind_clear(frame: &mut FrameConstants, aov: &AovRequest) {
         AovKind::Position => frame.aov_clear.position = [x, y, z],
         AovKind::Peye => frame.aov_clear.peye = [x, y, z],
         AovKind::GeometricNormal => frame.aov_clear.geometric_normal = [x, y, z],
+        // What is not there does not move.
+        AovKind::MotionBoth => {}
         // Every pixel has one, and light that is not there is 0.
-        AovKind::SampleCount | AovKind::Variance | AovKind::Error | AovKind::Denoised | AovKind::Light(_) => {}
+        AovKind::SampleCount
+        | AovKind::Variance
+        | AovKind::Error
+        | AovKind::Denoised
+        | AovKind::Primvar(_)
+        | AovKind::Light(_) => {}
         // Nothing is no id.
-        AovKind::CryptoObject | AovKind::CryptoMaterial => {}
+        AovKind::CryptoObject | AovKind::CryptoMaterial | AovKind::Deep(_) => {}
     }
 }

@@ -80,5 +80,8 @@ pub(crate) fn frame_block(context: &FrameContext<'_>, scene: &SceneView) -> Fram
         ..FrameConstants::zeroed()
     };
     film.bind(&mut block, &job.request.aovs);
+    for (name, primvar) in block.primvar_names.iter_mut().zip(film.primvars()) {
+        *name = job.snapshot.surfaces.primvar_number(&primvar.name());
+    }
     block
 }

@@ -6,7 +6,10 @@
 //! image is traced once through pixel centres with a pinhole camera, so that ids and depth are exact and do not depend
 //! on sampling.
 
+use crate::job::deep::DeepLimits;
 use crate::job::expression::ExpressionId;
+use crate::job::primvar::PrimvarImage;
+use oocpt_abi::DeepSlot;
 
 macro_rules! aov_kinds {
     ($($(#[doc = $doc:literal])+ $name:ident: $token:literal, $channels:literal;)+) => {
@@ -14,12 +17,18 @@ macro_rules! aov_kinds {
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
         pub enum AovKind {
             $($(#[doc = $doc])+ $name,)+
+            /// A primvar of what is seen: missing components are 0 and the fourth 1, those of a single number alike;
+            /// all 0 where nothing has it; f32.
+            Primvar(PrimvarImage),
             /// The part of `Color` that a light path expression is of, without alpha; f32.
             Light(ExpressionId),
+            /// What samples meet first, by thing and depth: [`oocpt_abi::DeepSlot`], as many a pixel as the limits say,
+            /// in no order; zero where there are fewer.
+            Deep(DeepLimits),
         }
 
         impl AovKind {
-            /// Every kind but the parts of light, in the order of the enum.
+            /// Every kind but primvars, parts of light and deep images, in the order of the enum.
             pub const ALL: [Self; [$(Self::$name),+].len()] = [$(Self::$name),+];
 
             /// Hydra's token for this image (`HdAovTokens`, and names of our own for what it has none for); one for all
@@ -27,7 +36,9 @@ macro_rules! aov_kinds {
             pub fn token(self) -> &'static str {
                 match self {
                     $(Self::$name => $token,)+
+                    Self::Primvar(_) => "primvar",
                     Self::Light(_) => "light",
+                    Self::Deep(_) => "deep",
                 }
             }
 
@@ -35,7 +46,9 @@ macro_rules! aov_kinds {
             pub fn channels(self) -> usize {
                 match self {
                     $(Self::$name => $channels,)+
+                    Self::Primvar(_) => 4,
                     Self::Light(_) => 3,
+                    Self::Deep(limits) => size_of::<DeepSlot>() / 4 * usize::from(limits.samples()),
                 }
             }
         }
@@ -65,6 +78,9 @@ aov_kinds! {
     /// The distance that a visible point moves over the image from the shutter's opening to its closing: pixels to the
     /// right, pixels up, and the change of `CameraDepth`; f32.
     Motion: "motion", 3;
+    /// The same distance in two parts: pixels to the right and up from the shutter's opening to the pixel's centre,
+    /// which the point is at in the middle of the shutter, and from there to its closing; f32.
+    MotionBoth: "motionBoth", 4;
     /// Samples of the pixel so far (`sampleCount`, as `RenderMan` names it); f32. Samples are taken for it as for
     /// `Color`.
     SampleCount: "sampleCount", 1;
@@ -89,20 +105,31 @@ aov_kinds! {
 }
 
 impl AovKind {
-    /// The kind named by Hydra's token, if OocPT renders it; behind `lpe:` a light path expression.
+    /// The kind named by Hydra's token, if OocPT renders it; behind `lpe:` a light path expression,
+    /// behind `primvars:` a primvar.
     pub fn from_token(token: &str) -> Option<Self> {
         if token.starts_with("lpe:") {
             return ExpressionId::of(token).map(Self::Light).ok();
         }
+        if token.starts_with("primvars:") {
+            return PrimvarImage::of(token, false).map(Self::Primvar).ok();
+        }
         Self::ALL.into_iter().find(|kind| kind.token() == token)
     }
 
-    /// The token, or `lpe:` and the expression.
+    /// The token; or `lpe:` and the expression, `primvars:` and the name.
     pub fn name(self) -> String {
         match self {
             Self::Light(expression) => format!("lpe:{}", expression.text()),
+            Self::Primvar(primvar) => format!("primvars:{}", primvar.name()),
+            Self::Deep(limits) => format!("deep:{limits}"),
             kind => kind.token().to_owned(),
         }
+    }
+
+    /// The primvar whose image it is.
+    pub(crate) fn primvar(self) -> Option<PrimvarImage> {
+        if let Self::Primvar(primvar) = self { Some(primvar) } else { None }
     }
 
     /// The light path expression whose image it is.
@@ -110,17 +137,30 @@ impl AovKind {
         if let Self::Light(expression) = self { Some(expression) } else { None }
     }
 
+    /// The limits of a deep image.
+    pub(crate) fn deep(self) -> Option<DeepLimits> {
+        if let Self::Deep(limits) = self { Some(limits) } else { None }
+    }
+
+    /// Whether a pixel of the image is a list, which is empty where nothing is.
+    pub(crate) fn is_list(self) -> bool {
+        self.ranks_ids() || self.deep().is_some()
+    }
+
     /// Whether the image is of values that samples have beside their light; `filters`: as
     /// [`oocpt_core::settings::Settings::filter_aovs`] says.
     pub(crate) fn is_of_samples(self, filters: bool) -> bool {
-        filters && self.is_filterable() || self.expression().is_some() || self.ranks_ids()
+        filters && self.is_filterable() || self.expression().is_some() || self.is_list()
     }
 
     /// Whether the image is the mean over a pixel's samples of what each meets first, where
     /// [`oocpt_core::settings::Settings::filter_aovs`] is set; the mean of ids, depths or vectors of motion at an edge
     /// is that of no surface.
     pub fn is_filterable(self) -> bool {
-        matches!(self, Self::Normal | Self::Neye | Self::Albedo | Self::Position | Self::Peye | Self::GeometricNormal)
+        let is_mean = self.primvar().is_some_and(|primvar| !primvar.is_centred);
+        is_mean
+            || matches!(self, Self::Normal | Self::Neye | Self::Albedo)
+            || matches!(self, Self::Position | Self::Peye | Self::GeometricNormal)
     }
 
     /// Whether the image ranks the ids of what the samples meet first, whatever the setting says.
@@ -131,7 +171,7 @@ impl AovKind {
     /// Whether the image says something of the samples of `Color`, or is a part of it.
     pub(crate) fn is_of_light(self) -> bool {
         let tells = matches!(self, Self::Denoised | Self::SampleCount | Self::Variance | Self::Error);
-        tells || matches!(self, Self::Color | Self::Light(_))
+        tells || matches!(self, Self::Color | Self::Light(_) | Self::Deep(_))
     }
 
     /// Hydra's usual value of a pixel that nothing covers.
@@ -171,7 +211,9 @@ mod tests {
         let part = AovKind::from_token("lpe:C <RD> L").expect("an expression");
         assert_eq!((part.name().as_str(), AovKind::from_token(&part.name())), ("lpe:C<RD>L", Some(part)));
         assert_eq!(AovKind::from_token("lpe:C<"), None, "no expression");
-        assert_eq!(AovKind::from_token("primvars:st"), None, "an unknown token must not map to a kind");
+        let st = AovKind::from_token("primvars:st").expect("a primvar");
+        assert_eq!((st.name().as_str(), st.is_filterable(), st.is_of_light()), ("primvars:st", true, false));
+        assert_eq!([AovKind::from_token("primvars:"), AovKind::from_token("st")], [None; 2], "no kind");
     }
 
     #[test]

@@ -40,9 +40,21 @@ pub(crate) struct RenderAsk {
 
 impl RenderAsk {
     /// Whether a picture of it names what samples meet.
-    pub(crate) fn ranks_ids(&self) -> bool {
+    pub(crate) fn names_things(&self) -> bool {
         let requests = self.before.iter().map(|picture| &picture.request).chain([&self.request]);
+        let files = self.before.iter().flat_map(|picture| &picture.files).chain(self.products.iter());
         requests.flat_map(|request| &request.aovs).any(|aov| aov.kind.ranks_ids())
+            || files.flat_map(|file| &file.channels).any(|channel| channel.cryptomatte.is_some())
+    }
+
+    /// Names of the primvars that its pictures show, sorted.
+    pub(crate) fn shown_primvars(&self) -> Vec<Arc<str>> {
+        let requests = self.before.iter().map(|picture| &picture.request).chain([&self.request]);
+        let primvars = requests.flat_map(|request| &request.aovs).filter_map(|aov| aov.kind.primvar());
+        let mut names: Vec<Arc<str>> = primvars.map(|primvar| primvar.name()).collect();
+        names.sort_unstable();
+        names.dedup();
+        names
     }
 
     fn is_same(&self, request: &RenderRequest, settings: &Settings, files: &Arc<dyn LightFiles>) -> bool {

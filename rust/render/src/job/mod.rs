@@ -3,6 +3,7 @@
 
 pub(crate) mod aov;
 pub(crate) mod commits;
+pub(crate) mod deep;
 pub(crate) mod edits;
 pub(crate) mod expression;
 #[cfg(feature = "faults")]
@@ -10,6 +11,7 @@ pub(crate) mod faults;
 pub(crate) mod forced_features;
 pub(crate) mod light_files;
 pub(crate) mod patience;
+pub(crate) mod primvar;
 pub(crate) mod product;
 pub(crate) mod publish;
 pub(crate) mod request;

@@ -2,6 +2,7 @@
 //! Render products: files that a batch render writes of its pictures. Plain data.
 
 use crate::job::aov::AovKind;
+use crate::job::deep::DeepLimits;
 use crate::job::request::RenderRequest;
 use oocpt_core::file_space::FileSpace;
 use std::path::PathBuf;
@@ -19,6 +20,8 @@ pub struct RenderProduct {
     pub vars: Vec<ProductVar>,
     /// Its namespaced settings as text.
     pub settings: Vec<(String, String)>,
+    /// Those of these that are numbers.
+    pub numbers: Vec<(String, HeaderValue)>,
     /// `renderingColorSpace` of the render settings: the linear space that colours are written in; empty for Rec. 709.
     pub color_space: String,
     /// Width of a pixel over its height.
@@ -31,6 +34,17 @@ pub struct RenderProduct {
     pub frame: Option<f64>,
     /// The picture it is written of, without images. `None`: the one that the host asks for.
     pub picture: Option<RenderRequest>,
+}
+
+/// The value of an attribute of a scene's in the header of a file.
+#[derive(Clone, Debug, PartialEq)]
+pub enum HeaderValue {
+    /// A text.
+    Text(String),
+    /// A whole number.
+    Whole(i32),
+    /// A number.
+    Real(f64),
 }
 
 /// A `UsdRenderVar` of a product.
@@ -46,6 +60,18 @@ pub struct ProductVar {
     pub source_type: String,
     /// Its namespaced settings as text.
     pub settings: Vec<(String, String)>,
+}
+
+impl FileChannel {
+    /// The part of a file of several parts that it is in: its layer.
+    pub(crate) fn part(&self) -> &str {
+        match (&self.cryptomatte, self.name.rsplit_once('.')) {
+            (Some((_, layer)), _) => layer,
+            (None, Some((layer, _))) => layer,
+            (None, None) if matches!(&*self.name, "R" | "G" | "B" | "A") => "rgba",
+            (None, None) => &self.name,
+        }
+    }
 }
 
 /// How the numbers of a channel are stored.
@@ -68,6 +94,30 @@ pub(crate) enum CryptomatteKind {
     Material,
     /// Outermost instances, or parents of prims.
     Asset,
+}
+
+/// What a channel of a deep image has of a sample.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum DeepPart {
+    Red,
+    Green,
+    Blue,
+    Alpha,
+    Depth,
+    Prim,
+    Instance,
+    /// The hash of a name, as Cryptomatte has it.
+    Name,
+}
+
+impl DeepPart {
+    const ALL: [Self; 8] =
+        [Self::Red, Self::Green, Self::Blue, Self::Alpha, Self::Depth, Self::Prim, Self::Instance, Self::Name];
+
+    /// The part that a channel has.
+    pub(crate) fn of(channel: &FileChannel) -> Self {
+        Self::ALL.get(channel.component).copied().unwrap_or(Self::Depth)
+    }
 }
 
 /// A channel of a file: one component of an image.
@@ -97,10 +147,24 @@ pub(crate) enum FileCompression {
 }
 
 impl FileCompression {
+    /// Whether deep images are written with it: `OpenEXR` defines only these and `rle` for them.
+    pub(crate) fn is_of_deep_images(self) -> bool {
+        matches!(self, Self::None | Self::Zips)
+    }
+
     /// Whether floats come back with other bits.
     pub(crate) fn is_lossy(self) -> bool {
         matches!(self, Self::Pxr24 | Self::B44 | Self::B44a | Self::Dwaa | Self::Dwab)
     }
+}
+
+/// How the pixels of a file are stored.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct FileStorage {
+    /// The side of its tiles; lines without one.
+    pub(crate) tiles: Option<u32>,
+    /// Each layer is a part of its own.
+    pub(crate) has_parts: bool,
 }
 
 /// A file that is to be written of a picture.
@@ -110,7 +174,12 @@ pub(crate) struct ProductFile {
     pub(crate) prim: String,
     pub(crate) path: PathBuf,
     pub(crate) channels: Vec<FileChannel>,
+    /// The limits of its pixels, if it is a deep image; `FileChannel::component` is then a [`DeepPart`].
+    pub(crate) deep: Option<DeepLimits>,
     pub(crate) compression: FileCompression,
+    pub(crate) storage: FileStorage,
+    /// Attributes of the scene's, by name.
+    pub(crate) header: Vec<(String, HeaderValue)>,
     /// The space of its colours, if that is not linear Rec. 709.
     pub(crate) space: Option<&'static FileSpace>,
     pub(crate) pixel_aspect: f32,

@@ -3,8 +3,10 @@
 
 use crate::error::RenderError;
 use crate::job::aov::{AovKind, AovRequest};
+use crate::job::deep::DeepLimits;
 use crate::job::expression::fit_together;
 use crate::job::window::{PictureLayout, PixelWindow};
+use oocpt_abi::MAX_SHOWN_PRIMVARS;
 use oocpt_core::camera::Camera;
 
 /// Longest side of an image, pixels.
@@ -74,10 +76,21 @@ impl RenderRequest {
             && self.aovs.iter().filter(is_filtered).eq(have.aovs.iter().filter(is_filtered))
     }
 
-    /// Leaves out images of light path expressions beyond those that one automaton has room for; returns them.
-    pub(crate) fn keep_expressions(&mut self) -> Vec<AovKind> {
+    /// Leaves out images of light path expressions beyond those that one automaton has room for, and primvars beyond
+    /// those that a frame can show; returns them.
+    pub(crate) fn keep_shown(&mut self) -> Vec<AovKind> {
         let (mut kept, mut left) = (Vec::new(), Vec::new());
+        let mut primvars: Vec<AovKind> = Vec::new();
         self.aovs.retain(|aov| {
+            if aov.kind.primvar().is_some() && !primvars.contains(&aov.kind) {
+                let fits = primvars.len() < MAX_SHOWN_PRIMVARS as usize;
+                if fits {
+                    primvars.push(aov.kind)
+                } else {
+                    left.push(aov.kind)
+                }
+                return fits;
+            }
             let Some(expression) = aov.kind.expression().filter(|expression| !kept.contains(expression)) else {
                 return true;
             };
@@ -90,6 +103,18 @@ impl RenderRequest {
             fits
         });
         left
+    }
+
+    /// Asks for a deep image that has all that one of these limits has: a request has one at most.
+    pub(crate) fn add_deep(&mut self, limits: DeepLimits) {
+        let limits = self.deep().map_or(limits, |have| have.finer(limits));
+        self.aovs.retain(|aov| aov.kind.deep().is_none());
+        self.aovs.push(AovRequest { kind: AovKind::Deep(limits), clear: [0.0; 4] });
+    }
+
+    /// The limits of its deep image.
+    pub(crate) fn deep(&self) -> Option<DeepLimits> {
+        self.aovs.iter().filter_map(|aov| aov.kind.deep()).reduce(DeepLimits::finer)
     }
 
     /// Where the pixels go in the images.

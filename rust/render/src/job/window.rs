@@ -166,8 +166,8 @@ impl PictureLayout {
 
     /// Fills an image of `kind` with its clear value.
     pub(crate) fn clear(&self, kind: AovKind, image: &mut [u8]) {
-        if kind.ranks_ids() {
-            return image.fill(0); // nothing is no id
+        if kind.is_list() {
+            return image.fill(0); // nothing has no entry
         }
         let clear = self.aovs.iter().find(|aov| aov.kind == kind).map_or([0.0; 4], |aov| aov.clear);
         #[expect(

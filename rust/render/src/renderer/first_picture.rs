@@ -199,8 +199,10 @@ fn fill_up(
     for kind in kinds {
         let (Some(image), bytes) = (from.image(kind), kind.pixel_bytes()) else { continue };
         let mut image = image.to_vec();
-        if kind == AovKind::Motion {
-            widen_motion(&mut image, factor);
+        match kind {
+            AovKind::Motion => widen_motion(&mut image, (kind, 2), factor),
+            AovKind::MotionBoth => widen_motion(&mut image, (kind, 4), factor),
+            _ => {}
         }
         into.change(kind, |filled, layout| {
             let row_bytes = width * bytes;
@@ -237,11 +239,11 @@ fn widen_words<const BYTES: usize>(row: &mut [u8], pixels: &[u8], factor: usize)
     row.chunks_mut(factor).zip(pixels).for_each(|(block, pixel)| block.fill(*pixel));
 }
 
-/// Motion over the image is in its pixels, the change of depth behind it is not.
+/// Motion over the image is in its pixels, the change of depth behind so many numbers is not.
 #[expect(clippy::cast_precision_loss, reason = "a small number")]
-fn widen_motion(image: &mut [u8], factor: usize) {
-    for pixel in image.chunks_exact_mut(AovKind::Motion.pixel_bytes()) {
-        for number in pixel.chunks_exact_mut(4).take(2) {
+fn widen_motion(image: &mut [u8], (kind, numbers): (AovKind, usize), factor: usize) {
+    for pixel in image.chunks_exact_mut(kind.pixel_bytes()) {
+        for number in pixel.chunks_exact_mut(4).take(numbers) {
             let wide: f32 = bytemuck::pod_read_unaligned::<f32>(number) * factor as f32;
             number.copy_from_slice(bytemuck::bytes_of(&wide));
         }

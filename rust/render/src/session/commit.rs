@@ -73,6 +73,7 @@ impl SessionScene {
         let dicing = DicingCamera::new(&ask.request.camera, settings.dicing_rate).live(settings.interactive);
         self.db.set_dicing(dicing);
         self.db.set_live(settings.interactive);
+        self.db.show_primvars(&ask.shown_primvars());
         // Measured by the device, where it places what moves.
         self.db.set_late(shared.places_moved.load(Ordering::Relaxed));
         let lent = self.keep_meshes(settings, shared);
@@ -88,7 +89,7 @@ impl SessionScene {
         let (primvars, meshes_made) = (self.primvars_of(commit.snapshot.version), self.db.meshes_made());
         let has_file = [&settings.checkpoint, &settings.film_part].iter().any(|file| !file.is_empty());
         let identity = (has_file && !settings.interactive).then(|| self.identity(ask));
-        let names = ask.ranks_ids().then(|| Arc::new(self.db.prim_names()));
+        let names = ask.names_things().then(|| Arc::new(self.db.prim_names()));
         CommittedScene { snapshot: commit.snapshot, primvars, identity, names, meshes_made, fixed_host_bytes }
     }
 

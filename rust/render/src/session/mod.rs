@@ -179,7 +179,10 @@ impl Session {
         let mut planned = lock(&self.products);
         let plan = planned.plan(products, &self.shared);
         plan.of_host.iter().for_each(|file| add_kinds(&mut request, file));
-        let left_out = request.keep_expressions();
+        let left_out = request.keep_shown();
+        if let Some(limits) = request.deep() {
+            request.add_deep(limits); // one in place of all
+        }
         add_guides(&mut request, &settings);
         let mut before = plan.before.clone();
         before.iter_mut().for_each(|picture| add_guides(&mut picture.request, &settings));
@@ -194,7 +197,7 @@ impl Session {
         }
         if is_new && !left_out.is_empty() {
             let names: Vec<String> = left_out.into_iter().map(AovKind::name).collect();
-            let text = format!("left out, since too many light path expressions are asked for: {}", names.join(", "));
+            let text = format!("left out, since too many expressions or primvars are asked for: {}", names.join(", "));
             self.shared.report(Severity::Warning, text);
         }
         self.shared.notify();

@@ -29,6 +29,7 @@ pub(super) fn wanted(
         PassImage::PixelCentres => film.has_planes(),
         PassImage::Filtered => film.filtered().is_some_and(FilteredPlanes::has_means),
         PassImage::RankedIds => film.filtered().is_some_and(FilteredPlanes::has_ids),
+        PassImage::Deep => film.filtered().is_some_and(FilteredPlanes::has_deep),
         PassImage::FirstHits => film.has_planes() || film.filters_first_hits(),
         PassImage::Spread => film.has_spread(),
         PassImage::SampleCount => film.has_counts(),

@@ -125,6 +125,7 @@ impl WavefrontRecorder<'_> {
             commands.concurrent(|c| {
                 self.direct(c, Pass::SumPlanes, q, piece.wave.count.min(apart));
                 self.direct(c, Pass::RankIds, q, piece.wave.count.min(apart));
+                self.direct(c, Pass::MergeDeep, q, piece.wave.count.min(apart));
             });
             commands.concurrent(|c| {
                 self.direct(c, Pass::Accumulate, q, piece.wave.count.min(apart));
@@ -155,6 +156,7 @@ impl WavefrontRecorder<'_> {
                 self.direct(c, Pass::CountSamples, self.push(PathKind::Samples), self.pixels);
                 self.direct(c, Pass::ResolvePlanes, self.push(PathKind::Samples), self.pixels);
                 self.direct(c, Pass::ResolveIds, self.push(PathKind::Samples), self.pixels);
+                self.direct(c, Pass::ResolveDeep, self.push(PathKind::Samples), self.pixels);
                 let scaled = self.push(PathKind::Samples).with(0, self.film.error_scale());
                 self.direct(c, Pass::TellSpread, scaled, self.pixels);
             });

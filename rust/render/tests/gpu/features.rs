@@ -15,7 +15,7 @@ use oocpt_core::inventory::RenderInventory;
 use oocpt_core::pixel_filter::PixelFilterKind;
 use oocpt_core::scene::TransformSample;
 use oocpt_core::settings::{HostMapped, Settings};
-use oocpt_render::{AovKind, AovRequest, ForcedFeatures, PlantedFaults, Session, SessionOptions};
+use oocpt_render::{AovKind, AovRequest, DeepLimits, ForcedFeatures, PlantedFaults, Session, SessionOptions};
 use rows::{Also, BARE, Names, Row};
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -26,7 +26,9 @@ fn image_of(also: Also) -> AovKind {
         Also::Parts | Also::StreamedParts => AovKind::from_token("lpe:C<RD>L").expect("an expression"),
         Also::Depth => AovKind::Depth,
         Also::Albedo | Also::Filtered | Also::StreamedFiltered => AovKind::Albedo,
+        Also::Primvar | Also::StreamedPrimvar => AovKind::from_token("primvars:dust").expect("a primvar"),
         Also::Ids => AovKind::CryptoObject,
+        Also::Deep => AovKind::Deep(DeepLimits::default()),
         Also::Errors => AovKind::Error,
         Also::Counts => AovKind::SampleCount,
         Also::Motion => AovKind::Motion,
@@ -38,7 +40,12 @@ fn image_of(also: Also) -> AovKind {
 fn render(row: &Row, forced_features: ForcedFeatures) -> (RenderInventory, Vec<Vec<u8>>) {
     let streams = matches!(
         row.also,
-        Also::Streaming | Also::Mapped | Also::Roulette | Also::StreamedFiltered | Also::StreamedParts
+        Also::Streaming
+            | Also::Mapped
+            | Also::Roulette
+            | Also::StreamedFiltered
+            | Also::StreamedPrimvar
+            | Also::StreamedParts
     );
     let report = std::env::temp_dir().join(format!("oocpt-features-{}.json", std::process::id()));
     let chunk_report =

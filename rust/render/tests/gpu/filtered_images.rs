@@ -85,6 +85,12 @@ pub(crate) fn card_met((o, d): (DVec3, DVec3)) -> Option<usize> {
     CARDS.iter().position(|card| card.met_at(o, d).is_some())
 }
 
+/// The distance along the view axis at which a ray meets a card.
+pub(crate) fn card_depth(camera: &Camera, card: usize, (o, d): (DVec3, DVec3)) -> f64 {
+    let at = CARDS[card].met_at(o, d).expect("it meets the card");
+    -camera.world_from_view.inverse().transform_point3(at).z
+}
+
 impl Card {
     fn met_at(&self, o: DVec3, d: DVec3) -> Option<DVec3> {
         let at = o + d * ((PLACE.z + self.z - o.z) / d.z);

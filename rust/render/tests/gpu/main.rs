@@ -12,6 +12,7 @@ mod clipping;
 mod commits;
 mod control;
 mod curves_and_points;
+mod deep_images;
 mod deformation;
 mod denoised;
 mod determinism;

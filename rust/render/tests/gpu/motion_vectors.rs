@@ -41,7 +41,8 @@ fn rendered(camera: &Camera, build: impl FnOnce(&mut SceneDb)) -> (Session, Vec<
     let session = session(settings(1, 0));
     session.with_scene(build);
     let mut request = request(camera.clone());
-    request.aovs.retain(|aov| [AovKind::Motion, AovKind::PrimId, AovKind::CameraDepth].contains(&aov.kind));
+    let wanted = [AovKind::Motion, AovKind::MotionBoth, AovKind::PrimId, AovKind::CameraDepth];
+    request.aovs.retain(|aov| wanted.contains(&aov.kind));
     render(&session, &request);
     let motion = read::<[f32; 3]>(&session, &request, AovKind::Motion);
     let (ids, depths) = (read(&session, &request, AovKind::PrimId), read(&session, &request, AovKind::CameraDepth));
@@ -57,12 +58,13 @@ fn agree(
     build: impl FnOnce(&mut SceneDb),
     path: &Path<'_>,
 ) -> Vec<usize> {
-    let (_, motion, ids, depths) = rendered(camera, build);
+    let (session, motion, ids, depths) = rendered(camera, build);
+    let both: Vec<[f32; 4]> = read(&session, &request(camera.clone()), AovKind::MotionBoth);
     let mut moved = vec![0; 8];
     for (i, (y, x)) in (0..SIZE[1]).flat_map(|y| (0..SIZE[0]).map(move |x| (y, x))).enumerate() {
         let given = DVec3::from_array(motion[i].map(f64::from));
         if ids[i] < 0 {
-            assert_eq!(motion[i], [0.0; 3], "{what}: nothing at {x}, {y}");
+            assert_eq!((motion[i], both[i]), ([0.0; 3], [0.0; 4]), "{what}: nothing at {x}, {y}");
             continue;
         }
         let p = seen(still, [x, y], f64::from(depths[i]));
@@ -71,6 +73,11 @@ fn agree(
         let off = (given - known).abs();
         let bound = 2e-3 + 2e-5 * known.length();
         assert!(off.max_element() < bound, "{what}: {given} at {x}, {y} of {}, which is {known}", ids[i]);
+        let [back_x, back_y, fore_x, fore_y] = both[i].map(f64::from);
+        let now = DVec3::new(f64::from(x) + 0.5, f64::from(y) + 0.5, 0.0);
+        let parts = end(0.0).zip(end(1.0)).map_or([DVec3::ZERO; 2], |(from, to)| [now - from, to - now]);
+        let off = [back_x - parts[0].x, back_y - parts[0].y, fore_x - parts[1].x, fore_y - parts[1].y];
+        assert!(off.iter().all(|off| off.abs() < bound), "{what}: {:?} at {x}, {y}, which is {parts:?}", both[i]);
         moved[usize::try_from(ids[i]).expect("an id")] += usize::from(known.truncate().length() > 0.5);
     }
     moved

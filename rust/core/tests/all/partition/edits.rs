@@ -355,6 +355,44 @@ fn prims_come_and_go_without_touching_other_chunks() {
     assert_same_world(&fresh(&model), &less);
 }
 
+/// A clump of instances leaves: the chunks around it are one now.
+#[test]
+fn what_is_left_around_an_emptied_chunk_is_cut_as_in_a_new_database() {
+    // A cell of three chunks: one half, and both halves of the other.
+    for [a, b, c] in [[60, 100, 60], [20, 120, 100], [100, 30, 20], [5, 125, 7]] {
+        let clump = |count: usize, at: [f32; 3]| {
+            spread(count, 1.0, 3).into_iter().map(move |p| [0, 1, 2].map(|k| p[k] + at[k]))
+        };
+        let others = clump(500, [-20.0; 3]).chain(clump(1, [-60.0; 3])).chain(clump(1, [60.0; 3]));
+        let left = clump(a, [2.0; 3]).chain(clump(c, [28.0, 2.0, 2.0]));
+        let points =
+            |x: f32| -> Vec<[f32; 3]> { others.clone().chain(left.clone()).chain(clump(b, [x, 2.0, 2.0])).collect() };
+        let place = |db: &mut SceneDb, points: &[[f32; 3]]| {
+            let all: Vec<i32> = (0..).take(points.len()).collect();
+            db.upsert_instancer(scatter("/i", points, &[("/i/p", &all)]));
+            committed(db)
+        };
+        let database = || {
+            let mut db = SceneDb::new();
+            db.set_partition(SMALL);
+            let mut mesh = triangle("/i/p/m", 0.5);
+            mesh.prim.instanced_by = vec![by("/i", "/i/p")];
+            db.upsert_mesh(mesh);
+            db
+        };
+        let near = |snapshot: &Snapshot| {
+            let near = snapshot.world.chunks.iter().filter(|chunk| (0.0..40.0).contains(&chunk.origin().x));
+            near.map(|chunk| chunk.len()).collect::<Vec<usize>>()
+        };
+        let mut db = database();
+        let before = place(&mut db, &points(20.0));
+        assert_eq!(near(&before), [a, b, c], "before");
+        let after = place(&mut db, &points(-25.0));
+        assert_eq!(near(&after), [a + c], "after");
+        assert_same_world(&place(&mut database(), &points(-25.0)), &after);
+    }
+}
+
 /// Another chunk size gives the result of a new database with it.
 #[test]
 fn the_chunk_size_may_change() {

@@ -44,3 +44,32 @@ fn unused_primvars_are_reported_with_their_bytes() {
     let opacity = find(&uses, "displayOpacity");
     assert_eq!((opacity.made, opacity.left_out, opacity.saved), (0, 1, 4), "1 everywhere says nothing");
 }
+
+#[test]
+fn primvars_that_images_show_are_kept() {
+    let mut db = SceneDb::new();
+    let dust = |interpolation, values| NamedPrimvar {
+        name: "dust".into(),
+        primvar: Primvar { interpolation, values: TypedArray::of(values), indices: None },
+    };
+    let vertex = dust(Interpolation::Vertex, vec![1.0_f32, 2.0, 3.0]);
+    db.upsert_mesh(MeshDesc { primvars: vec![vertex], ..triangle("/board", 0.0) });
+    let mut mesh = triangle("/i/p", 0.0);
+    mesh.prim.instanced_by = vec![by("/i", "/i/p")];
+    db.upsert_mesh(mesh);
+    let mut row = scatter("/i", &[[0.0; 3], [5.0, 0.0, 0.0]], &[("/i/p", &[0, 1])]);
+    row.primvars = vec![dust(Interpolation::Instance, vec![4.0, 5.0])];
+    db.upsert_instancer(row);
+    let plain = db.commit().snapshot;
+    let made = |db: &SceneDb| db.primvar_uses().iter().map(|primvar| (primvar.made, primvar.bytes)).collect::<Vec<_>>();
+    assert_eq!((made(&db), plain.surfaces.shown_primvars.len()), (vec![(0, 0)], 0), "nobody asks");
+    db.show_primvars(&["dust".into(), "nothing".into()]);
+    let shown = db.commit();
+    assert!(shown.changed && made(&db) == [(2, 20)], "three of the mesh, two of the instances: {:?}", made(&db));
+    assert_ne!(shown.snapshot.surfaces.primvar_number("dust"), shown.snapshot.surfaces.primvar_number("nothing"));
+    db.show_primvars(&["dust".into(), "nothing".into()]);
+    assert!(!db.commit().changed, "the same again");
+    db.show_primvars(&[]);
+    let again = db.commit().snapshot;
+    assert_eq!((made(&db), &again.meshes.len()), (vec![(0, 0)], &plain.meshes.len()), "nobody asks any more");
+}

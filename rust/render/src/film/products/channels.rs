@@ -1,89 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The channels that a render var becomes: names of sources as users of hdPrman, Karma and Arnold write them. Pure.
+//! The channels that a render var becomes. Pure.
 
-use super::cryptomatte;
+use super::{cryptomatte, sources};
 use crate::job::aov::AovKind;
-use crate::job::expression::{ExpressionId, has_paths};
-use crate::job::product::{CryptomatteKind, FileChannel, ProductVar, SampleFormat};
-
-/// A source and the names that it goes by.
-#[derive(Clone, Copy)]
-struct SourceRow {
-    names: &'static [&'static str],
-    kind: AovKind,
-    /// Its components, by their names in a file; more than one.
-    parts: &'static str,
-    /// The first component.
-    first: usize,
-}
-
-const fn row(kind: AovKind, parts: &'static str, first: usize, names: &'static [&'static str]) -> SourceRow {
-    SourceRow { names, kind, parts, first }
-}
-
-/// Names of raw and intrinsic sources; compared without regard to case where none is alike in its case.
-const ROWS: [SourceRow; 18] = [
-    row(AovKind::Color, "RGBA", 0, &["color", "Ci", "C", "rgba", "rgb", "beauty", "combined"]),
-    row(AovKind::Color, "A", 3, &["a", "alpha"]),
-    row(AovKind::CameraDepth, "Z", 0, &["z", "cameraDepth", "linearDepth", "hitPz", "ray:hitPz"]),
-    row(AovKind::Depth, "Z", 0, &["depth"]),
-    row(AovKind::Normal, "XYZ", 0, &["normal", "N", "Nn", "__Nworld", "hitN", "ray:hitN"]),
-    row(AovKind::Neye, "XYZ", 0, &["Neye"]),
-    row(AovKind::Albedo, "RGB", 0, &["albedo"]),
-    row(AovKind::Motion, "XYZ", 0, &["motion", "motionvector"]),
-    row(AovKind::PrimId, "I", 0, &["primId", "id"]),
-    row(AovKind::InstanceId, "I", 0, &["instanceId"]),
-    row(AovKind::ElementId, "I", 0, &["elementId"]),
-    row(AovKind::SampleCount, "N", 0, &["sampleCount"]),
-    row(AovKind::Position, "XYZ", 0, &["position", "P", "Pworld", "__Pworld", "worldPosition", "hitP", "ray:hitP"]),
-    row(AovKind::Peye, "XYZ", 0, &["Peye"]),
-    row(AovKind::GeometricNormal, "XYZ", 0, &["Ng", "hitNg", "ray:hitNg", "geometricNormal"]),
-    row(AovKind::Denoised, "RGBA", 0, &["denoised", "denoisedColor", "denoise"]),
-    row(AovKind::Variance, "RGB", 0, &["variance", "var"]),
-    row(AovKind::Error, "E", 0, &["error", "relativeError"]),
-];
-/// Path expressions for all light: they are the colour, which has alpha.
-const ALL_LIGHT: [&str; 5] = ["C.*", "C.*[<L.>O]", "C.*[LO]", "C[<.>]*[<L.>O]", "C.*[<O.><L.>]"];
-
-/// The source of a var, or why there is none.
-fn source(var: &ProductVar) -> Result<SourceRow, String> {
-    let name = var.source_name.trim();
-    // hdPrman's users also write path expressions as raw sources.
-    let expression = name.strip_prefix("color ").unwrap_or(name).trim_start();
-    let expression = expression.strip_prefix("lpe:").map(|rest| ("lpe", rest)).unwrap_or((&*var.source_type, name));
-    match expression {
-        ("lpe", path) => {
-            let expression = ExpressionId::of(path)?;
-            let part = row(AovKind::Light(expression), "RGB", 0, &[]);
-            Ok(if ALL_LIGHT.contains(&&*expression.text()) { ROWS[0] } else { part })
-        }
-        ("" | "raw" | "intrinsic", name) => {
-            let alike = |same: fn(&str, &str) -> bool| ROWS.iter().find(|row| row.names.iter().any(|n| same(n, name)));
-            let found = alike(|a, b| a == b).or_else(|| alike(str::eq_ignore_ascii_case));
-            found.copied().ok_or_else(|| format!("there is no source {name}; did you mean {}?", nearest(name)))
-        }
-        ("primvar", name) => Err(format!("the primvar {name}: sources of the type primvar are not supported")),
-        (kind, _) => Err(format!("there is no sourceType {kind}; there are raw, intrinsic, lpe and primvar")),
-    }
-}
-
-/// The name of a source that is nearest to `name`.
-fn nearest(name: &str) -> &'static str {
-    let names = ROWS.iter().flat_map(|row| row.names.iter().copied()).chain(CRYPTOMATTE.map(|(name, _)| name));
-    let short: String = name.chars().take(64).collect();
-    names.min_by_key(|known| strsim::damerau_levenshtein(known, &short)).unwrap_or("color")
-}
+use crate::job::deep::DeepLimits;
+use crate::job::expression::has_paths;
+use crate::job::product::{CryptomatteKind, DeepPart, FileChannel, ProductVar, SampleFormat};
 
 /// What a user should know of a channel that is there.
 pub(super) fn remark(channel: &FileChannel) -> Option<String> {
     let expression = channel.kind.expression().filter(|_| channel.component == 0)?;
     (!has_paths(expression)).then(|| format!("is black: no light path is of {}", expression.text()))
-}
-
-/// What is wrong with the name of an AOV: says the nearest one.
-pub fn unknown_aov(name: &str) -> Option<String> {
-    let var = ProductVar { source_name: name.to_owned(), ..ProductVar::default() };
-    if cryptomatte_of(&var).is_some() { None } else { source(&var).err() }
 }
 
 /// A setting of a var or a product under one of its names.
@@ -106,10 +33,13 @@ fn data_type(name: &str) -> (usize, SampleFormat) {
 
 /// The channels of a var in a file that has `before`; or why there are none.
 pub(super) fn of_var(var: &ProductVar, before: &[FileChannel]) -> Result<Vec<FileChannel>, String> {
-    if let Some(kind) = cryptomatte_of(var) {
-        return free(of_cryptomatte(kind, layer_name(var)), before);
+    if let Some((kind, level)) = sources::cryptomatte(var) {
+        let mut channels = of_cryptomatte(kind, layer_name(var), level);
+        // Arnold's users list a layer of ranks beside the whole.
+        channels.retain(|channel| level.is_none() || !before.contains(channel));
+        return free(channels, before);
     }
-    let row = source(var)?;
+    let row = sources::source(var)?;
     let is_id = matches!(row.kind, AovKind::PrimId | AovKind::InstanceId | AovKind::ElementId);
     let (components, format) = match (var.data_type.trim(), is_id) {
         ("", false) => (4, SampleFormat::Float),
@@ -127,6 +57,7 @@ pub(super) fn of_var(var: &ProductVar, before: &[FileChannel]) -> Result<Vec<Fil
     let count = if row.parts == "RGBA" && components < 4 { 3 } else { row.parts.len() };
     let is_free = |name: &str| before.iter().all(|channel| channel.name != name);
     let is_root = match row.parts {
+        _ if row.kind.primvar().is_some() => false,
         "RGBA" => ["R", "G", "B"].into_iter().all(is_free) && (count == 3 || is_free("A")),
         "A" => is_free("A"),
         "Z" => row.kind == AovKind::CameraDepth && is_free("Z"),
@@ -146,6 +77,57 @@ pub(super) fn of_var(var: &ProductVar, before: &[FileChannel]) -> Result<Vec<Fil
     free(channels.collect(), before)
 }
 
+/// The channels of a var in a deep image that has `before`; or why there are none.
+pub(super) fn of_deep_var(
+    var: &ProductVar,
+    limits: DeepLimits,
+    before: &[FileChannel],
+) -> Result<Vec<FileChannel>, String> {
+    let channel = |name: &str, part: DeepPart, format| deep_channel(name, part, format, limits);
+    let layer = layer_name(var);
+    if let Some((kind, _)) = sources::cryptomatte(var) {
+        if kind == CryptomatteKind::Material {
+            return Err("deep samples are told apart by objects, not by materials".to_owned());
+        }
+        let named = FileChannel {
+            cryptomatte: Some((kind, layer.clone())),
+            ..channel(&layer, DeepPart::Name, SampleFormat::Uint)
+        };
+        return free(vec![named], before);
+    }
+    let half = data_type(var.data_type.trim()).1 == SampleFormat::Half;
+    let format = if half { SampleFormat::Half } else { SampleFormat::Float };
+    let row = sources::source(var)?;
+    let channels = match row.kind {
+        AovKind::Color if row.first == 0 => vec![
+            channel("R", DeepPart::Red, format),
+            channel("G", DeepPart::Green, format),
+            channel("B", DeepPart::Blue, format),
+        ],
+        AovKind::Color => vec![channel("A", DeepPart::Alpha, format)],
+        AovKind::CameraDepth => vec![channel("Z", DeepPart::Depth, SampleFormat::Float)],
+        AovKind::PrimId => vec![channel(&layer, DeepPart::Prim, SampleFormat::Uint)],
+        AovKind::InstanceId => vec![channel(&layer, DeepPart::Instance, SampleFormat::Uint)],
+        _ => return Err(format!("deep samples have no {}", var.source_name.trim())),
+    };
+    free(channels, before)
+}
+
+/// Adds alpha and depth, which every deep image has.
+pub(super) fn complete_deep(channels: &mut Vec<FileChannel>, limits: DeepLimits) {
+    let format = channels.iter().find(|channel| channel.name == "R").map_or(SampleFormat::Float, |red| red.format);
+    for (name, part, format) in [("A", DeepPart::Alpha, format), ("Z", DeepPart::Depth, SampleFormat::Float)] {
+        if channels.iter().all(|channel| channel.name != name) {
+            channels.push(deep_channel(name, part, format, limits));
+        }
+    }
+}
+
+fn deep_channel(name: &str, part: DeepPart, format: SampleFormat, limits: DeepLimits) -> FileChannel {
+    let (name, kind) = (name.to_owned(), AovKind::Deep(limits));
+    FileChannel { name, kind, cryptomatte: None, component: part as usize, format }
+}
+
 /// The channels, if the file has none of their names.
 fn free(channels: Vec<FileChannel>, before: &[FileChannel]) -> Result<Vec<FileChannel>, String> {
     let is_free = |name: &str| before.iter().all(|channel| channel.name != name);
@@ -162,24 +144,11 @@ fn layer_name(var: &ProductVar) -> String {
     name.chars().filter(|c| !c.is_control()).take(MAX_NAME_CHARS).collect()
 }
 
-/// Names of Cryptomatte sources; case does not matter.
-const CRYPTOMATTE: [(&str, CryptomatteKind); 6] = [
-    ("crypto_object", CryptomatteKind::Object),
-    ("CryptoObject", CryptomatteKind::Object),
-    ("crypto_material", CryptomatteKind::Material),
-    ("CryptoMaterial", CryptomatteKind::Material),
-    ("crypto_asset", CryptomatteKind::Asset),
-    ("CryptoAsset", CryptomatteKind::Asset),
-];
-
-fn cryptomatte_of(var: &ProductVar) -> Option<CryptomatteKind> {
-    let is_source = matches!(&*var.source_type, "" | "raw" | "intrinsic");
-    let same = |(name, _): &&(&str, _)| name.eq_ignore_ascii_case(var.source_name.trim());
-    CRYPTOMATTE.iter().find(same).filter(|_| is_source).map(|(_, kind)| *kind)
-}
-
 /// The channels of a Cryptomatte layer: floats, whatever type the var has, since their bits are hashes.
-fn of_cryptomatte(kind: CryptomatteKind, name: String) -> Vec<FileChannel> {
+/// With a level only those of its two ranks, whose var may be called by the level.
+fn of_cryptomatte(kind: CryptomatteKind, name: String, level: Option<usize>) -> Vec<FileChannel> {
+    let of_level = level.and_then(|level| name.strip_suffix(&format!("{level:02}"))).filter(|rest| !rest.is_empty());
+    let name = of_level.map(str::to_owned).unwrap_or(name);
     let image = match kind {
         CryptomatteKind::Object | CryptomatteKind::Asset => AovKind::CryptoObject,
         CryptomatteKind::Material => AovKind::CryptoMaterial,
@@ -191,7 +160,8 @@ fn of_cryptomatte(kind: CryptomatteKind, name: String) -> Vec<FileChannel> {
         component,
         format: SampleFormat::Float,
     };
-    (0..cryptomatte::CHANNELS).map(channel).collect()
+    let all = 0..cryptomatte::CHANNELS;
+    level.map_or(all, |level| 4 * level..4 * level + 4).map(channel).collect()
 }
 
 /// Longest name of a layer, characters: EXR allows 255 bytes of a channel's.
@@ -217,30 +187,22 @@ mod tests {
     }
 
     #[test]
-    fn names_of_other_renderers_are_known() {
-        let kind = |source: &str, kind: &str| of_var(&var("x", "color3f", source, kind), &[]).map(|c| c[0].kind);
-        for (source, expected) in [("Ci", AovKind::Color), ("C.*[<L.>O]", AovKind::Color), ("lpe:C.*", AovKind::Color)]
-        {
-            let source_type = if source.starts_with("C.") { "lpe" } else { "raw" };
-            assert_eq!(kind(source, source_type), Ok(expected), "{source}");
-        }
-        assert_eq!(kind("N", "raw"), Ok(AovKind::Normal));
-        assert_eq!(kind("Z", "raw"), Ok(AovKind::CameraDepth));
-        assert_eq!(kind("depth", ""), Ok(AovKind::Depth));
-        assert_eq!(kind("P", "raw"), Ok(AovKind::Position));
-        assert_eq!(kind("ray:hitNg", "intrinsic"), Ok(AovKind::GeometricNormal));
-        assert_eq!(kind("Peye", "raw"), Ok(AovKind::Peye));
-        assert_eq!([kind("variance", "raw"), kind("error", "")], [Ok(AovKind::Variance), Ok(AovKind::Error)]);
-        assert_eq!(kind("PRIMID", "intrinsic"), Ok(AovKind::PrimId), "whatever its case");
-        assert!(kind("albdo", "raw").is_err_and(|text| text.contains("albedo")), "the nearest");
-        let part = AovKind::from_token("lpe:C<RD>L").expect("an expression");
-        assert_eq!([kind("C<RD> L", "lpe"), kind("color lpe:C<RD>L", "raw")], [Ok(part), Ok(part)], "not all light");
-        assert!(kind("C<RD", "lpe").is_err_and(|text| text.contains("C<RD: character 5")), "no expression");
-        assert!(kind("shadows;C<RD>L", "lpe").is_err_and(|text| text.contains("shadows")), "an option");
-        assert!(kind("unoccluded;C<RD>L", "lpe").is_ok(), "one that there is");
+    fn a_part_of_no_light_is_remarked() {
         let [black, lit] = ["CV", "CO"].map(|text| of_var(&var("x", "color3f", text, "lpe"), &[]).expect(text));
         assert_eq!([black.iter().filter_map(remark).count(), lit.iter().filter_map(remark).count()], [1, 0]);
-        assert!(kind("st", "primvar").is_err() && kind("color", "sparkle").is_err());
+    }
+
+    #[test]
+    fn layers_of_ranks_are_channels_of_one_cryptomatte() {
+        let of = |source: &str, before: &[FileChannel]| of_var(&var(source, "color4f", source, "raw"), before);
+        let first = of("crypto_asset00", &[]).expect("channels");
+        assert_eq!(names(&first), ["crypto_asset00.R", "crypto_asset00.G", "crypto_asset00.B", "crypto_asset00.A"]);
+        let third = of("crypto_asset02", &first).expect("channels");
+        assert_eq!((third[0].name.as_str(), third[0].component), ("crypto_asset02.R", 8));
+        assert_eq!(first[0].cryptomatte, third[0].cryptomatte, "one manifest");
+        let all = of("crypto_asset", &[]).expect("channels");
+        assert_eq!(all[..4], first[..]);
+        assert_eq!(of("crypto_asset00", &all), Ok(Vec::new()), "they are there already");
     }
 
     #[test]

@@ -61,10 +61,23 @@ fn name_of(kind: CryptomatteKind, names: &PrimNames, slot: &IdSlot) -> Option<St
     }
 }
 
-/// The layer called `name` of the slots of an image, [`ID_RANKS`] a pixel.
-pub(super) fn layer(kind: CryptomatteKind, name: &str, names: &PrimNames, slots: &[IdSlot]) -> CryptomatteLayer {
-    let seen: FxHashSet<(u32, u32)> =
-        slots.iter().filter(|slot| slot.id != 0).map(|slot| (slot.id, slot.instance)).collect();
+/// What an image shows, by the hashes of names.
+#[derive(Debug, Default)]
+pub(super) struct NamedThings {
+    /// Hashes by the two words of ids.
+    pub(super) ids: FxHashMap<(u32, u32), u32>,
+    /// Names and values of attributes of the layer.
+    pub(super) attributes: Vec<(String, String)>,
+    /// Names that the manifest has no room for.
+    pub(super) unnamed: usize,
+}
+
+/// The names of what the layer called `name` shows, of which some ids may be 0, nothing.
+pub(super) fn named(
+    (kind, name): (CryptomatteKind, &str),
+    names: &PrimNames,
+    seen: FxHashSet<(u32, u32)>,
+) -> NamedThings {
     let mut seen: Vec<(u32, u32)> = seen.into_iter().collect();
     seen.sort_unstable();
     let named = seen.par_iter().filter_map(|&(id, instance)| {
@@ -73,15 +86,22 @@ pub(super) fn layer(kind: CryptomatteKind, name: &str, names: &PrimNames, slots:
     });
     let named: Vec<_> = named.collect();
     let ids: FxHashMap<(u32, u32), u32> = named.iter().map(|(key, id, _)| (*key, *id)).collect();
-    let mut pixels = vec![0.0; slots.len() / ID_RANKS as usize * CHANNELS];
-    let by_pixel = pixels.par_chunks_exact_mut(CHANNELS).zip(slots.par_chunks_exact(ID_RANKS as usize));
-    by_pixel.for_each(|(out, slots)| rank(out, slots, &ids));
     let mut manifest: Vec<(String, u32)> = named.into_iter().map(|(_, id, name)| (name, id)).collect();
     manifest.sort_unstable();
     manifest.dedup();
     let unnamed = manifest.len().saturating_sub(MAX_NAMES);
     manifest.truncate(MAX_NAMES);
-    CryptomatteLayer { pixels, attributes: attributes(name, &manifest), unnamed }
+    NamedThings { ids, attributes: attributes(name, &manifest), unnamed }
+}
+
+/// The layer called `name` of the slots of an image, [`ID_RANKS`] a pixel.
+pub(super) fn layer(kind: CryptomatteKind, name: &str, names: &PrimNames, slots: &[IdSlot]) -> CryptomatteLayer {
+    let seen = slots.iter().filter(|slot| slot.id != 0).map(|slot| (slot.id, slot.instance)).collect();
+    let NamedThings { ids, attributes, unnamed } = named((kind, name), names, seen);
+    let mut pixels = vec![0.0; slots.len() / ID_RANKS as usize * CHANNELS];
+    let by_pixel = pixels.par_chunks_exact_mut(CHANNELS).zip(slots.par_chunks_exact(ID_RANKS as usize));
+    by_pixel.for_each(|(out, slots)| rank(out, slots, &ids));
+    CryptomatteLayer { pixels, attributes, unnamed }
 }
 
 /// Hashes and shares of a pixel, those of the same name together, largest first.

@@ -2,15 +2,20 @@
 //! Writes a product's file from the images of a finished picture.
 
 use super::cryptomatte::{self, CryptomatteLayer};
+use super::deep::DeepImage;
 use super::plan::is_input;
 use crate::film::picture::{PictureAttribute, PictureAttributes, layer_attributes};
 use crate::job::aov::AovKind;
-use crate::job::product::{FileChannel, FileCompression, ProductFile, SampleFormat};
+use crate::job::product::{FileChannel, FileCompression, HeaderValue, ProductFile, SampleFormat};
 use crate::job::publish::PublishedImages;
 use crate::job::request::RenderRequest;
 use exr::compression::Compression;
-use exr::meta::attribute::{AttributeValue, Chromaticities, IntegerBounds, Text};
-use exr::prelude::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, Vec2, WritableImage as _, f16};
+use exr::image::{Blocks, Layers};
+use exr::meta::attribute::{AttributeValue, Chromaticities, IntegerBounds, LineOrder, Text};
+use exr::prelude::{
+    AnyChannel, AnyChannels, Encoding, FlatSamples, Image, ImageAttributes, Layer, LayerAttributes, Vec2,
+    WritableImage as _, f16,
+};
 use glam::{DMat4, DVec4};
 use oocpt_abi::IdSlot;
 use oocpt_core::camera::Camera;
@@ -57,43 +62,22 @@ pub(crate) fn write(
     if !may_be_replaced(&file.path) {
         return Err(ProductError::Foreign(name()));
     }
-    let window = request.part();
-    let mattes = mattes(file, request, images, names)?;
-    let channels = file.channels.iter().map(|channel| {
-        if let Some(matte) = channel.cryptomatte.as_ref().and_then(|(_, layer)| mattes.get(layer)) {
-            let component = matte.pixels.iter().skip(channel.component).step_by(cryptomatte::CHANNELS);
-            let samples = FlatSamples::F32(component.copied().collect());
-            return Ok(AnyChannel::new(Text::from(channel.name.as_str()), samples));
-        }
-        let rows = rows(request, images, channel.kind).ok_or(ProductError::Image(channel.kind))?;
-        let is_color = matches!(channel.kind, AovKind::Color | AovKind::Denoised | AovKind::Albedo);
-        let space = file.space.filter(|_| is_color);
-        let row = space.and_then(|space| space.from_rec709().get(channel.component).copied());
-        Ok(AnyChannel::new(Text::from(channel.name.as_str()), samples(&rows, channel, row)))
-    });
-    let channels = AnyChannels::sort(channels.collect::<Result<_, ProductError>>()?);
-    let mut layer = layer_attributes(attributes);
-    for (name, value) in mattes.values().flat_map(|matte| &matte.attributes) {
-        layer.other.insert(Text::from(name.as_str()), AttributeValue::Text(Text::from(value.as_str())));
-    }
-    if let Some(space) = file.space {
-        let named = ("renderingColorSpace".to_owned(), PictureAttribute::Text(space.name().to_owned()));
-        layer.other.extend(layer_attributes(&PictureAttributes::from([named])).other);
-    }
-    let [world_to_camera, world_to_ndc] = matrices(&request.camera, file);
-    (layer.world_to_camera, layer.world_to_normalized_device) = (Some(world_to_camera), Some(world_to_ndc));
-    layer.layer_position = Vec2(file.data_corner[0], file.data_corner[1]);
-    let encoding = Encoding { compression: compression(file.compression), ..Encoding::FAST_LOSSLESS };
-    let mut image =
-        Image::from_layer(Layer::new(Vec2(window.width as usize, window.height as usize), layer, encoding, channels));
-    let [columns, rows] = file.display_size.map(|side| side as usize);
-    image.attributes.display_window = IntegerBounds::new(Vec2(0, 0), Vec2(columns, rows));
-    image.attributes.pixel_aspect = file.pixel_aspect;
-    image.attributes.chromaticities = file.space.map(chromaticities);
     let file_error = |error: std::io::Error| ProductError::File(name(), error.to_string());
     if let Some(folder) = file.path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
         std::fs::create_dir_all(folder).map_err(file_error)?;
     }
+    if let Some(limits) = file.deep {
+        let limits = request.deep().unwrap_or(limits);
+        let missing = || ProductError::Image(AovKind::Deep(limits));
+        let rows = rows(request, images, AovKind::Deep(limits)).ok_or_else(missing)?;
+        let compression = compression(file.compression);
+        let image = DeepImage::new((file, compression), limits, rows, names).ok_or_else(missing)?;
+        let (layer, shared) = header_of(file, request, (attributes, &image.named.attributes));
+        oocpt_files::replace_by(&file.path, |out| image.write(out, layer, shared)).map_err(file_error)?;
+        return Ok(image.warning().into_iter().collect());
+    }
+    let mattes = mattes(file, request, images, names)?;
+    let image = image(file, request, images, (attributes, &mattes))?;
     let written = oocpt_files::replace_by(&file.path, |out| {
         let done = image.write().to_buffered(BufWriter::new(out));
         done.map_err(|error| std::io::Error::other(error.to_string()))
@@ -101,6 +85,92 @@ pub(crate) fn write(
     written.map_err(file_error)?;
     let short = mattes.iter().filter(|(_, matte)| matte.unnamed > 0);
     Ok(short.map(|(layer, matte)| format!("{layer}: {} names are not in the manifest", matte.unnamed)).collect())
+}
+
+/// What the header of a file says beside its channels, with the attributes of OocPT and those of manifests.
+fn header_of(
+    file: &ProductFile,
+    request: &RenderRequest,
+    (attributes, manifests): (&PictureAttributes, &[(String, String)]),
+) -> (LayerAttributes, ImageAttributes) {
+    let mut layer = layer_attributes(attributes);
+    for (name, value) in manifests {
+        layer.other.insert(Text::from(name.as_str()), AttributeValue::Text(Text::from(value.as_str())));
+    }
+    if let Some(space) = file.space {
+        let named = ("renderingColorSpace".to_owned(), PictureAttribute::Text(space.name().to_owned()));
+        layer.other.extend(layer_attributes(&PictureAttributes::from([named])).other);
+    }
+    for (name, value) in &file.header {
+        let value = match value {
+            HeaderValue::Text(text) => AttributeValue::Text(Text::from(text.as_str())),
+            HeaderValue::Whole(number) => AttributeValue::I32(*number),
+            HeaderValue::Real(number) => AttributeValue::F64(*number),
+        };
+        layer.other.insert(Text::from(name.as_str()), value);
+    }
+    let [world_to_camera, world_to_ndc] = matrices(&request.camera, file);
+    (layer.world_to_camera, layer.world_to_normalized_device) = (Some(world_to_camera), Some(world_to_ndc));
+    layer.layer_position = Vec2(file.data_corner[0], file.data_corner[1]);
+    let [columns, rows] = file.display_size.map(|side| side as usize);
+    let mut shared = ImageAttributes::new(IntegerBounds::new(Vec2(0, 0), Vec2(columns, rows)));
+    shared.pixel_aspect = file.pixel_aspect;
+    shared.chromaticities = file.space.map(chromaticities);
+    (layer, shared)
+}
+
+/// The picture as it is written: one layer, or one for each part.
+fn image(
+    file: &ProductFile,
+    request: &RenderRequest,
+    images: &PublishedImages,
+    (attributes, mattes): (&PictureAttributes, &BTreeMap<String, CryptomatteLayer>),
+) -> Result<Image<Layers<AnyChannels<FlatSamples>>>, ProductError> {
+    let mut parts: Vec<(&str, Vec<&FileChannel>)> = Vec::new();
+    for channel in &file.channels {
+        let name = if file.storage.has_parts { channel.part() } else { "" };
+        match parts.iter_mut().find(|(have, _)| *have == name) {
+            Some((_, channels)) => channels.push(channel),
+            None => parts.push((name, vec![channel])),
+        }
+    }
+    let blocks = file.storage.tiles.map_or(Blocks::ScanLines, |side| Blocks::Tiles(Vec2(side as usize, side as usize)));
+    let line_order = if file.storage.tiles.is_some() { LineOrder::Unspecified } else { LineOrder::Increasing };
+    let encoding = Encoding { compression: compression(file.compression), blocks, line_order };
+    let size = Vec2(request.part().width as usize, request.part().height as usize);
+    let mut shared = ImageAttributes::new(IntegerBounds::zero());
+    let layers = parts.into_iter().map(|(name, channels)| {
+        let is_here = |matte: &str| channels.iter().any(|c| c.cryptomatte.as_ref().is_some_and(|(_, l)| l == matte));
+        let manifests = mattes.iter().filter(|(matte, _)| is_here(matte)).flat_map(|(_, matte)| &matte.attributes);
+        let (mut layer, of_image) = header_of(file, request, (attributes, &manifests.cloned().collect::<Vec<_>>()));
+        shared = of_image;
+        layer.layer_name = (!name.is_empty()).then(|| Text::from(name));
+        let channels = channels.into_iter().map(|channel| written_channel(file, channel, request, images, mattes));
+        let channels = AnyChannels::sort(channels.collect::<Result<_, ProductError>>()?);
+        Ok(Layer::new(size, layer, encoding, channels))
+    });
+    let layers = layers.collect::<Result<Vec<_>, ProductError>>()?;
+    Ok(Image::from_layers(shared, layers))
+}
+
+/// A channel with its numbers.
+fn written_channel(
+    file: &ProductFile,
+    channel: &FileChannel,
+    request: &RenderRequest,
+    images: &PublishedImages,
+    mattes: &BTreeMap<String, CryptomatteLayer>,
+) -> Result<AnyChannel<FlatSamples>, ProductError> {
+    if let Some(matte) = channel.cryptomatte.as_ref().and_then(|(_, layer)| mattes.get(layer)) {
+        let component = matte.pixels.iter().skip(channel.component).step_by(cryptomatte::CHANNELS);
+        let samples = FlatSamples::F32(component.copied().collect());
+        return Ok(AnyChannel::new(Text::from(channel.name.as_str()), samples));
+    }
+    let rows = rows(request, images, channel.kind).ok_or(ProductError::Image(channel.kind))?;
+    let is_color = matches!(channel.kind, AovKind::Color | AovKind::Denoised | AovKind::Albedo | AovKind::Light(_));
+    let space = file.space.filter(|_| is_color);
+    let row = space.and_then(|space| space.from_rec709().get(channel.component).copied());
+    Ok(AnyChannel::new(Text::from(channel.name.as_str()), samples(&rows, channel, row)))
 }
 
 /// The attributes `worldToCamera` and `worldToNDC` as `OpenEXR` defines them, for points as row vectors: view space

@@ -6,10 +6,14 @@
 
 mod channels;
 mod cryptomatte;
+mod deep;
+mod deep_lines;
 mod file;
 mod frame_name;
+mod header;
 mod plan;
+mod sources;
 
-pub use channels::unknown_aov;
 pub(crate) use file::write;
 pub(crate) use plan::{ProductPlan, add_kinds, plan};
+pub use sources::unknown_aov;

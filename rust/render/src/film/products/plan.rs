@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Decides which files are written of which pictures, and says what of the products is left out and why. Pure.
 
-use super::{channels, frame_name};
-use crate::job::aov::AovRequest;
+use super::{channels, frame_name, header};
+use crate::job::aov::{AovKind, AovRequest};
+use crate::job::deep::DeepLimits;
 use crate::job::expression::{ExpressionId, fit_together};
 use crate::job::product::{FileChannel, FileCompression, ProductFile, ProductPicture, ProductVar, RenderProduct};
 use crate::job::request::RenderRequest;
+use oocpt_abi::MAX_SHOWN_PRIMVARS;
 use oocpt_core::file_space::FileSpace;
 use std::path::{Path, PathBuf};
 
@@ -68,7 +70,9 @@ impl ProductPlan {
 /// Adds the images that a file needs.
 pub(crate) fn add_kinds(request: &mut RenderRequest, file: &ProductFile) {
     for FileChannel { kind, .. } in file.channels.iter().cloned() {
-        if request.aovs.iter().all(|aov| aov.kind != kind) {
+        if let Some(limits) = kind.deep() {
+            request.add_deep(limits);
+        } else if request.aovs.iter().all(|aov| aov.kind != kind) {
             request.aovs.push(AovRequest { kind, clear: kind.default_clear() });
         }
     }
@@ -79,9 +83,14 @@ fn file_of(
     (taken, parts): (&[PathBuf], &mut PlannedParts),
     warnings: &mut Vec<String>,
 ) -> Result<ProductFile, String> {
-    if !matches!(&*product.kind, "" | "raster") {
-        return Err(format!("its productType {} is not supported", product.kind));
-    }
+    let has_deep_driver = channels::setting(&product.settings, &["arnold:driver"]) == Some("driver_deepexr");
+    let deep = match &*product.kind {
+        // Arnold's users also write the name of the renderer.
+        "" | "raster" | "arnold" if !has_deep_driver => None,
+        "" | "raster" | "arnold" => Some(deep_limits(product, warnings)),
+        "deepRaster" | "deep" => Some(deep_limits(product, warnings)),
+        kind => return Err(format!("its productType {kind} is not supported")),
+    };
     let path = path_of(product)?;
     if taken.contains(&path) {
         return Err(format!("another product is {}", path.display()));
@@ -92,8 +101,18 @@ fn file_of(
     if !(product.pixel_aspect.is_finite() && product.pixel_aspect > 0.0) {
         return Err("its pixelAspectRatio is not a positive number".to_owned());
     }
-    let channels = channels_of(product, parts, warnings)?;
+    let mut channels = channels_of(product, (deep, parts), warnings)?;
+    if let Some(limits) = deep {
+        channels::complete_deep(&mut channels, limits);
+    }
     let mut compression = compression_of(product, warnings);
+    if deep.is_some() && !compression.is_of_deep_images() {
+        // Without a word where nobody asked: zip is what is used where nothing is said.
+        if channels::setting(&product.settings, &COMPRESSION).is_some() {
+            warnings.push(format!("{}: deep images are compressed by none or zips; zips is used", product.prim));
+        }
+        compression = FileCompression::Zips;
+    }
     if compression.is_lossy() && channels.iter().any(|channel| channel.cryptomatte.is_some()) {
         warnings.push(format!("{}: Cryptomatte needs exact numbers; zip is used", product.prim));
         compression = FileCompression::Zip;
@@ -102,7 +121,10 @@ fn file_of(
         prim: product.prim.clone(),
         path,
         channels,
+        deep,
         compression,
+        storage: header::storage(product, warnings),
+        header: header::attributes(product, warnings),
         space: space_of(product, warnings),
         pixel_aspect: product.pixel_aspect,
         display_size: product.display_size,
@@ -127,17 +149,25 @@ fn path_of(product: &RenderProduct) -> Result<PathBuf, String> {
     if is_exr { Ok(path) } else { Err(format!("{} is no EXR file by its name", path.display())) }
 }
 
-/// The light path expressions of all products so far: one automaton has them all, whichever picture they are of.
+/// The light path expressions and primvars of all products so far, whichever picture they are of: one automaton has
+/// all expressions, and there are few primvars.
 #[derive(Debug, Default)]
-struct PlannedParts(Vec<ExpressionId>);
+struct PlannedParts(Vec<ExpressionId>, Vec<AovKind>);
 
 impl PlannedParts {
-    /// These channels, if their expression has room.
+    /// These channels, if their expression or primvar has room.
     fn take(&mut self, channels: Vec<FileChannel>) -> Result<Vec<FileChannel>, String> {
         let new = channels.first().and_then(|channel| channel.kind.expression()).filter(|id| !self.0.contains(id));
         if let Some(new) = new {
             self.0.push(new);
             fit_together(&self.0).inspect_err(|_| self.0.truncate(self.0.len() - 1))?;
+        }
+        let primvar = channels.first().map(|channel| channel.kind).filter(|kind| kind.primvar().is_some());
+        if let Some(new) = primvar.filter(|kind| !self.1.contains(kind)) {
+            if self.1.len() >= MAX_SHOWN_PRIMVARS as usize {
+                return Err(format!("a render shows {MAX_SHOWN_PRIMVARS} primvars at most"));
+            }
+            self.1.push(new);
         }
         Ok(channels)
     }
@@ -145,7 +175,7 @@ impl PlannedParts {
 
 fn channels_of(
     product: &RenderProduct,
-    parts: &mut PlannedParts,
+    (deep, parts): (Option<DeepLimits>, &mut PlannedParts),
     warnings: &mut Vec<String>,
 ) -> Result<Vec<FileChannel>, String> {
     let default = [ProductVar {
@@ -157,7 +187,11 @@ fn channels_of(
     let vars = if product.vars.is_empty() { &default[..] } else { &product.vars };
     let mut all = Vec::new();
     for var in vars {
-        match channels::of_var(var, &all).and_then(|channels| parts.take(channels)) {
+        let channels = match deep {
+            Some(limits) => channels::of_deep_var(var, limits, &all),
+            None => channels::of_var(var, &all).and_then(|channels| parts.take(channels)),
+        };
+        match channels {
             Ok(channels) if all.len() + channels.len() <= MAX_CHANNELS => {
                 let remarks = channels.iter().filter_map(channels::remark);
                 warnings.extend(remarks.map(|text| format!("{}: {text}", var.prim)));
@@ -170,8 +204,39 @@ fn channels_of(
     if all.is_empty() { Err("nothing of what it asks for is there".to_owned()) } else { Ok(all) }
 }
 
+/// The limits of a deep image, by settings of the product.
+fn deep_limits(product: &RenderProduct, warnings: &mut Vec<String>) -> DeepLimits {
+    let mut limits = DeepLimits::default();
+    let mut take = |name: &str, of: &dyn Fn(DeepLimits, f32) -> Option<DeepLimits>| {
+        let Some(text) = channels::setting(&product.settings, &[name]) else { return };
+        match text.parse().ok().and_then(|number| of(limits, number)) {
+            Some(changed) => limits = changed,
+            None => warnings.push(format!("{}: {name} cannot be {text}; it is left out", product.prim)),
+        }
+    };
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "whole numbers in 1..=64")]
+    take("oocpt:deepSamples", &|limits, number| {
+        let is_whole = number.fract() == 0.0 && (1.0..=64.0).contains(&number);
+        is_whole.then(|| limits.with_samples(number as u8)).flatten()
+    });
+    take("oocpt:deepTolerance", &|limits, part| limits.with_depths(part, limits.depths()[1]));
+    for name in DEEP_DISTANCE {
+        take(name, &|limits, distance| limits.with_depths(limits.depths()[0], distance));
+    }
+    limits
+}
+
+/// Settings that name the distance below which deep samples are one: OocPT's, Arnold's.
+const DEEP_DISTANCE: [&str; 3] =
+    ["arnold:depth_tolerance", "arnold:driver_deepexr:depth_tolerance", "oocpt:deepDistance"];
+
 /// Settings that name the compression, by those who write scenes: OocPT's, Karma's, Arnold's.
-const COMPRESSION: [&str; 3] = ["oocpt:compression", "driver:parameters:OpenEXR:compression", "arnold:compression"];
+const COMPRESSION: [&str; 4] = [
+    "oocpt:compression",
+    "driver:parameters:OpenEXR:compression",
+    "arnold:compression",
+    "arnold:driver_exr:compression",
+];
 
 fn compression_of(product: &RenderProduct, warnings: &mut Vec<String>) -> FileCompression {
     let Some(name) = channels::setting(&product.settings, &COMPRESSION) else { return FileCompression::Zip };
@@ -228,7 +293,7 @@ pub(super) fn is_input(path: &Path, inputs: &[&str]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::job::aov::AovKind;
+    use crate::job::product::HeaderValue;
     use glam::DMat4;
     use oocpt_core::camera::Camera;
 
@@ -277,6 +342,17 @@ mod tests {
     }
 
     #[test]
+    fn a_few_primvars_are_shown() {
+        let primvar = |name: &str| ProductVar { source_type: "primvar".into(), ..var(name) };
+        let names = ["a", "b", "a", "c", "d", "e", "f"];
+        let vars = names.iter().enumerate().map(|(at, n)| ProductVar { prim: format!("/v/{at}"), ..primvar(n) });
+        let plan = plan(&[RenderProduct { vars: vars.collect(), ..product("/p", "a.exr") }]);
+        assert_eq!(plan.of_host[0].channels.len(), 15, "one twice");
+        let said = plan.warnings.iter().filter(|line| line.contains("4 primvars at most"));
+        assert!(said.count() == 2 && plan.warnings.len() == 2, "{:?}", plan.warnings);
+    }
+
+    #[test]
     fn colours_are_written_in_the_space_that_is_named() {
         let of = |space: &str| plan(&[RenderProduct { color_space: space.into(), ..product("/p", "a.exr") }]);
         assert_eq!(of("acescg").of_host[0].space.map(FileSpace::name), Some("lin_ap1_scene"));
@@ -291,12 +367,12 @@ mod tests {
 
     #[test]
     fn hostile_products_are_warnings() {
-        let deep = RenderProduct { kind: "deepRaster".into(), ..product("/deep", "a.exr") };
+        let kind = RenderProduct { kind: "deepVolume".into(), ..product("/kind", "a.exr") };
         let huge = RenderProduct { picture: Some(picture(u32::MAX)), ..product("/huge", "h.exr") };
         let flat = RenderProduct { pixel_aspect: f32::NAN, ..product("/flat", "f.exr") };
         let empty = RenderProduct { vars: vec![var("nothing")], ..product("/empty", "e.exr") };
         let products = [
-            deep,
+            kind,
             huge,
             flat,
             empty,
@@ -352,6 +428,15 @@ mod tests {
             ".exr",
             "..",
             "\u{0}",
+            "true",
+            "tiled",
+            "64",
+            "-1",
+            "channels",
+            "crypto_object01",
+            "RGBA_key",
+            "diffuse_direct_'x'",
+            "st",
         ];
         let mut text = || texts[next(random, texts.len())].to_owned();
         let vars = [(); 3].map(|()| ProductVar {
@@ -361,7 +446,12 @@ mod tests {
             source_type: text(),
             settings: vec![("driver:parameters:aov:name".into(), text())],
         });
-        let settings = vec![(COMPRESSION[0].into(), text())];
+        let mut settings = vec![(COMPRESSION[0].into(), text())];
+        for key in ["oocpt:tiled", "oocpt:tileSize", "oocpt:multipart", "driver:parameters:OpenEXR:storage"] {
+            settings.push((key.to_owned(), text()));
+        }
+        settings.push((format!("driver:parameters:OpenEXR:{}", text()), text()));
+        let numbers = settings.iter().map(|(key, _)| (key.clone(), HeaderValue::Real(f64::NAN))).collect();
         let (prim, kind, name, color_space) = (text(), text(), text(), text());
         let sides = [0, 1, 7, 65_536, u32::MAX];
         RenderProduct {
@@ -370,6 +460,7 @@ mod tests {
             name,
             vars: vars[..next(random, 4)].to_vec(),
             settings,
+            numbers,
             color_space,
             pixel_aspect: [1.0, 2.5, -1.0, f32::NAN, 1e-3][next(random, 5)],
             display_size: [sides[next(random, 5)], sides[next(random, 5)]],
@@ -394,11 +485,72 @@ mod tests {
                 let extension = file.path.extension().expect("one");
                 assert!(extension.eq_ignore_ascii_case("exr") && !file.channels.is_empty(), "{product:?}");
                 let mut names: Vec<&str> = file.channels.iter().map(|channel| channel.name.as_str()).collect();
+                assert!(file.storage.tiles.is_none_or(|side| (8..=4096).contains(&side)), "{product:?}");
+                assert!(file.header.iter().all(|(name, _)| name.len() <= 96 && name != "channels"), "{product:?}");
                 names.sort_unstable();
                 assert!(names.windows(2).all(|pair| pair[0] != pair[1]) && !names[0].is_empty(), "{names:?}");
             }
         }
         assert!(written > 100, "{written}");
+    }
+
+    fn deep(name: &str, vars: &[&str], settings: &[(&str, &str)]) -> RenderProduct {
+        let settings = settings.iter().map(|(key, value)| ((*key).into(), (*value).into())).collect();
+        let vars = vars.iter().map(|name| var(name)).collect();
+        RenderProduct { kind: "deepRaster".into(), vars, settings, ..product("/deep", name) }
+    }
+
+    #[test]
+    fn deep_images_have_alpha_and_depth_and_what_samples_have() {
+        let all = plan(&[deep("a.exr", &["Ci", "primId", "CryptoObject", "albedo", "CryptoMaterial"], &[])]);
+        let names: Vec<&str> = all.of_host[0].channels.iter().map(|channel| channel.name.as_str()).collect();
+        assert_eq!(names, ["R", "G", "B", "primId", "CryptoObject", "A", "Z"]);
+        assert_eq!(all.of_host[0].compression, FileCompression::Zips, "deep images have no zip");
+        let told = ["/v/albedo: left out of a.exr: deep samples have no albedo", "not by materials"];
+        assert_eq!(all.warnings.len(), 2, "{:?}", all.warnings);
+        assert!(all.warnings.iter().zip(told).all(|(line, words)| line.contains(words)), "{:?}", all.warnings);
+    }
+
+    #[test]
+    fn limits_of_deep_images_are_settings() {
+        let limits = |settings: &[(&str, &str)]| {
+            let plan = plan(&[deep("a.exr", &["Ci"], settings)]);
+            let limits = plan.of_host[0].deep.expect("a deep image");
+            (limits.samples(), limits.depths(), plan.warnings.len())
+        };
+        assert_eq!(limits(&[]), (16, [1e-3, 0.0], 0));
+        assert_eq!(limits(&[("oocpt:deepSamples", "4"), ("oocpt:deepTolerance", "0.25")]), (4, [0.25, 0.0], 0));
+        assert_eq!(limits(&[("arnold:depth_tolerance", "0.5")]), (16, [1e-3, 0.5], 0));
+        for wrong in ["0", "65", "-3", "2.5", "NaN", "inf", "many", ""] {
+            assert_eq!(limits(&[("oocpt:deepSamples", wrong)]), (16, [1e-3, 0.0], 1), "{wrong}");
+        }
+        for wrong in ["-1", "NaN", "inf", "1e99", "x"] {
+            let of = |name: &str| limits(&[(name, wrong)]);
+            assert_eq!([of("oocpt:deepTolerance"), of("oocpt:deepDistance")], [(16, [1e-3, 0.0], 1); 2], "{wrong}");
+        }
+    }
+
+    #[test]
+    fn arnolds_driver_of_deep_images_is_known() {
+        let mut product = deep("a.exr", &["Ci"], &[("arnold:driver", "driver_deepexr")]);
+        for (kind, driver, is_deep) in [("raster", "driver_deepexr", true), ("raster", "driver_exr", false)] {
+            (product.kind, product.settings[0].1) = (kind.into(), driver.into());
+            assert_eq!(plan(&[product.clone()]).of_host[0].deep.is_some(), is_deep, "{driver}");
+        }
+    }
+
+    #[test]
+    fn a_picture_has_one_deep_image_for_all_its_files() {
+        let coarse = [("oocpt:deepSamples", "2"), ("oocpt:deepTolerance", "0.5")];
+        let of = |name: &str, settings: &[(&str, &str)]| RenderProduct {
+            picture: Some(picture(8)),
+            ..deep(name, &["Ci"], settings)
+        };
+        let plan = plan(&[of("a.exr", &coarse), of("b.exr", &[("oocpt:deepSamples", "32")])]);
+        let request = &plan.before[0].request;
+        let limits = request.deep().expect("a deep image");
+        assert_eq!((limits.samples(), limits.depths()), (32, [1e-3, 0.0]), "the finer one of each");
+        assert_eq!(request.kinds(), [AovKind::Deep(limits)]);
     }
 
     #[test]

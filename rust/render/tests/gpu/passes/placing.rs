@@ -9,7 +9,7 @@ use bytemuck::Zeroable;
 use glam::{DMat4, DQuat, DVec3};
 use oocpt_abi::{
     GpuChunkMember, GpuHeldChunk, GpuRefittedChunk, LevelNode, MEMBER_AFTER, MEMBER_HALVES, MEMBER_INSTANCED,
-    PlacingPush, groups,
+    PlacingPush, REFIT_LEVELS, groups,
 };
 use oocpt_core::array::{ElementType, TypedArray};
 use oocpt_core::mesh::{LevelShape, build_level};
@@ -77,11 +77,43 @@ fn crowd(path: &str, kind: usize, frame: u32) -> InstancerDesc {
     desc
 }
 
+/// A crowd of which one instance in so many is as in another frame.
+fn mixed(path: &str, kind: usize, (frame, other, step): (u32, u32, usize)) -> InstancerDesc {
+    fn mix(rest: Option<&TypedArray>, moved: Option<&TypedArray>, step: usize) -> Option<TypedArray> {
+        let (rest, moved) = (rest?, moved?);
+        let size = rest.element().size();
+        let mut bytes = rest.view().bytes().to_vec();
+        for (n, element) in bytes.chunks_mut(size).enumerate().filter(|(n, _)| n.is_multiple_of(step)) {
+            element.copy_from_slice(&moved.view().bytes()[n * size..][..size]);
+        }
+        Some(match rest.element() {
+            ElementType::Vec3f => array::<[f32; 3]>(ElementType::Vec3f, &bytes),
+            ElementType::Quatf => array::<[f32; 4]>(ElementType::Quatf, &bytes),
+            ElementType::Quath => array::<[half::f16; 4]>(ElementType::Quath, &bytes),
+            other => array::<[f64; 16]>(other, &bytes),
+        })
+    }
+    fn array<T: bytemuck::Pod + Send + Sync + std::fmt::Debug>(element: ElementType, bytes: &[u8]) -> TypedArray {
+        let values: Vec<T> = bytes.chunks(size_of::<T>()).map(bytemuck::pod_read_unaligned).collect();
+        TypedArray::from_vec(element, values).expect("elements of this size")
+    }
+    let (mut desc, moved) = (crowd(path, kind, frame), crowd(path, kind, other));
+    desc.translations = mix(desc.translations.as_ref(), moved.translations.as_ref(), step);
+    desc.rotations = mix(desc.rotations.as_ref(), moved.rotations.as_ref(), step);
+    desc.scales = mix(desc.scales.as_ref(), moved.scales.as_ref(), step);
+    desc.transforms = mix(desc.transforms.as_ref(), moved.transforms.as_ref(), step);
+    desc
+}
+
 /// The scene in a frame, of which nothing was measured since the first.
 fn commit(db: &mut SceneDb, frame: u32) -> Arc<Snapshot> {
+    commit_crowds(db, |path, kind| crowd(path, kind, frame))
+}
+
+fn commit_crowds(db: &mut SceneDb, crowd: impl Fn(&str, usize) -> InstancerDesc) -> Arc<Snapshot> {
     for kind in 0..3 {
         let path = format!("/crowd{kind}");
-        db.upsert_instancer(crowd(&path, kind, frame));
+        db.upsert_instancer(crowd(&path, kind));
         let at = DMat4::from_rotation_x(0.2) * DMat4::from_translation(DVec3::new(0.1, 0.2, 0.3));
         let at = if kind == 0 { DMat4::IDENTITY } else { at };
         db.upsert_mesh(sphere(instanced(prim(&format!("{path}/ball"), at), &path), 2, 4, 0.7));
@@ -132,6 +164,7 @@ fn described(gpu: &Arc<Gpu>, chunk: &Chunk) -> (Vec<GpuChunkMember>, Vec<Buffer>
             rotations: address(1),
             scales: address(2),
             transforms: address(3),
+            changed: [0; 4],
             count: u32::try_from(member.count).expect("few"),
             flags: flag(lent.is_some(), MEMBER_INSTANCED)
                 | flag(member.after.is_some(), MEMBER_AFTER)
@@ -141,42 +174,91 @@ fn described(gpu: &Arc<Gpu>, chunk: &Chunk) -> (Vec<GpuChunkMember>, Vec<Buffer>
     (described, arrays)
 }
 
+/// What the device made of a chunk: records, nodes, the result.
+type DeviceChunk = (Vec<u8>, Vec<LevelNode>, GpuRefittedChunk);
+
+/// A chunk on the device.
+struct ResidentChunk<'a> {
+    gpu: &'a Arc<Gpu>,
+    records: Buffer,
+    nodes: Buffer,
+    tree: Buffer,
+    is_known: bool,
+}
+
+impl<'a> ResidentChunk<'a> {
+    fn new(gpu: &'a Arc<Gpu>, records: &[u8], nodes: &[LevelNode]) -> Self {
+        let tree_bytes = 28 * nodes.len() as u64 + 4 * u64::from(REFIT_LEVELS + 2);
+        let tree = Buffer::new(gpu, "tree", tree_bytes, BufferUsage::Device).expect("small");
+        let nodes = upload(gpu, bytemuck::cast_slice(nodes));
+        Self { gpu, records: upload(gpu, records), nodes, tree, is_known: false }
+    }
+
+    /// Places the chunk; after the first time what `changed` says of an array of a member.
+    fn place(&mut self, chunk: &Chunk, changed: impl Fn(usize, usize) -> Option<Vec<u32>>) -> DeviceChunk {
+        let gpu = self.gpu;
+        let (mut described, _arrays) = described(gpu, chunk);
+        let mut sets = Vec::new();
+        for (number, member) in described.iter_mut().enumerate() {
+            for (at, slot) in member.changed.iter_mut().enumerate() {
+                if let Some(bits) = changed(number, at) {
+                    sets.push(upload(gpu, bytemuck::cast_slice(&bits)));
+                    *slot = sets.last().expect("pushed").address();
+                }
+            }
+        }
+        let mut places: Vec<[u32; 2]> = Vec::new();
+        chunk.each_place(|member, number| places.push([member, number]));
+        let [members, places] =
+            [bytemuck::cast_slice(&described), bytemuck::cast_slice(&places)].map(|bytes: &[u8]| upload(gpu, bytes));
+        let node_count = self.nodes.size() / 64;
+        let held = GpuHeldChunk {
+            records: self.records.address(),
+            nodes: self.nodes.address(),
+            places: places.address(),
+            members: members.address(),
+            boxes: self.tree.address(),
+            order: self.tree.address() + 24 * node_count,
+            levels: self.tree.address() + 28 * node_count,
+            record_count: u32::try_from(chunk.len()).expect("few"),
+            node_count: u32::try_from(node_count).expect("few"),
+            is_known: u32::from(std::mem::replace(&mut self.is_known, true)),
+            pad: 0,
+        };
+        let held = upload(gpu, bytemuck::bytes_of(&held));
+        let result_bytes = size_of::<GpuRefittedChunk>() as u64;
+        let result = Buffer::new(gpu, "result", result_bytes, BufferUsage::Device).expect("small");
+        let read = |bytes: u64| Buffer::new(gpu, "read", bytes, BufferUsage::Readback).expect("small");
+        let back = [read(self.records.size()), read(self.nodes.size()), read(result.size())];
+        let push = PlacingPush { source: held.address(), target: result.address(), count: 0, words: 0, changed: 0 };
+        let copies = [(&self.records, &back[0]), (&self.nodes, &back[1]), (&result, &back[2])];
+        run(gpu, &scene::SCENE_REFIT_CHUNKS, push, [1, 1, 1], &copies);
+        let mut records = vec![0; usize::try_from(back[0].size()).expect("small")];
+        let mut nodes = vec![LevelNode::zeroed(); usize::try_from(node_count).expect("few")];
+        let mut result = GpuRefittedChunk::zeroed();
+        back[0].read(0, &mut records).expect("mapped");
+        back[1].read(0, bytemuck::cast_slice_mut(&mut nodes)).expect("mapped");
+        back[2].read(0, bytemuck::bytes_of_mut(&mut result)).expect("mapped");
+        (records, nodes, result)
+    }
+}
+
 /// Records, nodes and results of a chunk by the device, whose records and tree were `records` and `nodes`.
-fn placed(
-    gpu: &Arc<Gpu>,
-    chunk: &Chunk,
-    records: &[u8],
-    nodes: &[LevelNode],
-) -> (Vec<u8>, Vec<LevelNode>, GpuRefittedChunk) {
-    let (described, _arrays) = described(gpu, chunk);
-    let mut places: Vec<[u32; 2]> = Vec::new();
-    chunk.each_place(|member, number| places.push([member, number]));
-    let inputs =
-        [bytemuck::cast_slice(&described), bytemuck::cast_slice(&places), records, bytemuck::cast_slice(nodes)];
-    let [members, places, records_on, nodes_on] = inputs.map(|bytes: &[u8]| upload(gpu, bytes));
-    let scratch = Buffer::new(gpu, "scratch", 28 * nodes.len() as u64, BufferUsage::Device).expect("small");
-    let held = GpuHeldChunk {
-        records: records_on.address(),
-        nodes: nodes_on.address(),
-        places: places.address(),
-        members: members.address(),
-        boxes: scratch.address(),
-        order: scratch.address() + 24 * nodes.len() as u64,
-        record_count: u32::try_from(chunk.len()).expect("few"),
-        node_count: u32::try_from(nodes.len()).expect("few"),
-    };
-    let held = upload(gpu, bytemuck::bytes_of(&held));
-    let result = Buffer::new(gpu, "result", size_of::<GpuRefittedChunk>() as u64, BufferUsage::Device).expect("small");
-    let read = |bytes: u64| Buffer::new(gpu, "read", bytes, BufferUsage::Readback).expect("small");
-    let back = [read(records.len() as u64), read(64 * nodes.len() as u64), read(result.size())];
-    let push = PlacingPush { source: held.address(), target: result.address(), count: 0, words: 0, pad: [0; 2] };
-    let copies = [(&records_on, &back[0]), (&nodes_on, &back[1]), (&result, &back[2])];
-    run(gpu, &scene::SCENE_REFIT_CHUNKS, push, [1, 1, 1], &copies);
-    let (mut records, mut nodes, mut result) = (records.to_vec(), nodes.to_vec(), GpuRefittedChunk::zeroed());
-    back[0].read(0, &mut records).expect("mapped");
-    back[1].read(0, bytemuck::cast_slice_mut(&mut nodes)).expect("mapped");
-    back[2].read(0, bytemuck::bytes_of_mut(&mut result)).expect("mapped");
-    (records, nodes, result)
+fn placed(gpu: &Arc<Gpu>, chunk: &Chunk, records: &[u8], nodes: &[LevelNode]) -> DeviceChunk {
+    ResidentChunk::new(gpu, records, nodes).place(chunk, |_, _| None)
+}
+
+/// One bit for each element of an array of a member of a chunk that is another one in `after`.
+fn changes(before: &Chunk, after: &Chunk) -> impl Fn(usize, usize) -> Option<Vec<u32>> {
+    let [before, after] = [before, after].map(|chunk| chunk.placing().expect("at rest"));
+    move |number, at| {
+        let [old, new] = [&before, &after].map(|members| members[number].arrays.as_ref()?[at].clone());
+        let (old, new) = (old?, new?);
+        let (size, mut bits) = (old.element().size(), vec![0_u32; old.len().div_ceil(32)]);
+        let elements = old.view().bytes().chunks(size).zip(new.view().bytes().chunks(size)).enumerate();
+        elements.filter(|(_, (old, new))| old != new).for_each(|(n, _)| bits[n / 32] |= 1 << (n % 32));
+        Some(bits)
+    }
 }
 
 /// The records of a chunk as the host encodes them, and their boxes.
@@ -242,6 +324,46 @@ fn the_device_places_and_refits_as_the_host_does() {
 }
 
 #[test]
+fn a_chunk_that_was_placed_is_placed_anew_where_something_changed() {
+    let gpu = open();
+    let mut db = SceneDb::new();
+    db.set_partition(PartitionOptions { chunk_bytes: 64 << 10 });
+    db.set_live(true);
+    db.set_late(true);
+    let rest = commit(&mut db, 0);
+    let first = commit(&mut db, 1);
+    // Few, hostile ones among them; then others, and what was moved is back; then each third.
+    let steps = [(1, 3, 41), (1, 2, 67), (1, 3, 3)];
+    let later = steps.map(|step| commit_crowds(&mut db, |path, kind| mixed(path, kind, step)));
+    let find = |snapshot: &Snapshot, shape: u64| {
+        let found = snapshot.world.chunks.iter().find(|chunk| chunk.shape() == shape);
+        Arc::clone(found.expect("of this shape"))
+    };
+    for held in first.world.chunks.iter().filter(|chunk| chunk.is_held()).step_by(5) {
+        let (records, boxes) = encoded(&find(&rest, held.shape()));
+        let tree = build_level(&boxes);
+        let mut resident = ResidentChunk::new(&gpu, &records, &tree.nodes);
+        let mut before = (Arc::clone(held), resident.place(held, |_, _| None));
+        for (step, snapshot) in later.iter().enumerate() {
+            let chunk = find(snapshot, held.shape());
+            // Where nothing is said to have changed nothing is placed.
+            let still = resident.place(&chunk, |_, _| None);
+            assert!(still.0 == before.1.0 && still.1 == before.1.1, "step {step}");
+            assert_eq!((still.2.area, still.2.min, still.2.max), (before.1.2.area, before.1.2.min, before.1.2.max));
+            let found = resident.place(&chunk, changes(&before.0, &chunk));
+            let expected = placed(&gpu, &chunk, &records, &tree.nodes);
+            assert!(found.0 == expected.0, "records of step {step}");
+            assert!(found.1 == expected.1, "nodes of step {step}");
+            assert_eq!((found.2.min, found.2.max), (expected.2.min, expected.2.max), "step {step}");
+            let [area, whole] = [found.2.area, expected.2.area].map(f64::from_bits);
+            assert!((area / whole - 1.0).abs() < 1e-12, "step {step}: {area}, {whole}");
+            before = (chunk, found);
+        }
+    }
+    close_device(&gpu);
+}
+
+#[test]
 fn scattered_words_change_their_elements_alone() {
     let gpu = open();
     let mut random = Random(3);
@@ -257,8 +379,15 @@ fn scattered_words_change_their_elements_alone() {
     entries.extend([5, 0, 0, 0]);
     let (on_device, list) = (upload(&gpu, bytemuck::cast_slice(&target)), upload(&gpu, bytemuck::cast_slice(&entries)));
     let back = Buffer::new(&gpu, "read", 12_000, BufferUsage::Readback).expect("small");
-    let push = PlacingPush { source: list.address(), target: on_device.address(), count: 5, words: 3, pad: [0; 2] };
-    run(&gpu, &scene::SCENE_SCATTER_WORDS, push, groups(5), &[(&on_device, &back)]);
+    let (set, set_back) = (upload(&gpu, &[0; 128]), Buffer::new(&gpu, "read", 128, BufferUsage::Readback));
+    let set_back = set_back.expect("small");
+    let (source, target, changed) = (list.address(), on_device.address(), set.address());
+    let push = PlacingPush { source, target, count: 5, words: 3, changed };
+    run(&gpu, &scene::SCENE_SCATTER_WORDS, push, groups(5), &[(&on_device, &back), (&set, &set_back)]);
+    let mut bits = [0_u32; 32];
+    set_back.read(0, bytemuck::cast_slice_mut(&mut bits)).expect("mapped");
+    let listed: Vec<usize> = (0..1024).filter(|n| bits[n / 32] >> (n % 32) & 1 == 1).collect();
+    assert_eq!(listed, [0, 7, 8, 500, 999], "the set of changed elements");
     let mut found = vec![0_u32; 3000];
     back.read(0, bytemuck::cast_slice_mut(&mut found)).expect("mapped");
     assert_eq!(found, expected);

@@ -7,7 +7,13 @@ use crate::materials::{coordinates, with};
 use crate::scenes::{constant, deforming};
 use oocpt_abi::PrimMask;
 use oocpt_core::TypedArray;
-use oocpt_core::scene::{Interpolation, MeshDesc, PrimShape, Subdivision};
+use oocpt_core::scene::{Interpolation, MeshDesc, NamedPrimvar, PrimShape, SceneDb, Subdivision};
+
+/// A board with a primvar that no material reads.
+pub(super) fn dusty(db: &mut SceneDb) {
+    let dust = constant(0.5_f32).map(|primvar| NamedPrimvar { name: "dust".into(), primvar });
+    db.upsert_mesh(MeshDesc { primvars: dust.into_iter().collect(), ..bare("/board") });
+}
 
 pub(crate) const ROWS: &[Row] = &[
     Row {
@@ -102,6 +108,17 @@ pub(crate) const ROWS: &[Row] = &[
         ..BARE
     },
     Row {
+        what: "a primvar",
+        build: dusty,
+        features: &["SHADED_AOVS"],
+        passes: &[&["generate_aov_rays", "shade_aovs"]],
+        buffers: &[&["mesh primvars", "image primvars:dust"]],
+        primvars: &["dust"],
+        also: Also::Primvar,
+        ..BARE
+    },
+    Row { what: "a primvar that no image shows", build: dusty, ..BARE },
+    Row {
         what: "filtered albedo",
         features: &["SHADED_AOVS"],
         passes: &[&["shade_aovs", "sum_planes", "resolve_planes"]],
@@ -115,6 +132,14 @@ pub(crate) const ROWS: &[Row] = &[
         passes: &[&["shade_aovs", "rank_ids", "resolve_ids"]],
         buffers: &[&["image cryptoObject", "plane_values", "plane_sums"]],
         also: Also::Ids,
+        ..BARE
+    },
+    Row {
+        what: "deep samples",
+        features: &["DEEP"],
+        passes: &[&["shade_aovs", "merge_deep", "resolve_deep"]],
+        buffers: &[&["image deep:16:0.001:0", "plane_values", "plane_sums"]],
+        also: Also::Deep,
         ..BARE
     },
     Row {

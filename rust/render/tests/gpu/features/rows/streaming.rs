@@ -2,6 +2,7 @@
 //! Rows of scenes that stream.
 
 use super::super::scenes::papered;
+use super::geometry::dusty;
 use super::{
     Also, BARE, OF_MATERIALS, OF_MESH_LIGHTS, OF_PARTS, OF_RESOLVING, OF_STREAMING, OF_TEXTURES, Row, STREAM_PASSES,
 };
@@ -38,6 +39,16 @@ pub(crate) const ROWS: &[Row] = &[
         passes: &[STREAM_PASSES, &["shade_aovs", "sum_planes", "resolve_planes"]],
         buffers: &[OF_STREAMING, &["image albedo", "plane_values", "plane_sums"]],
         also: Also::StreamedFiltered,
+        ..BARE
+    },
+    Row {
+        what: "a primvar of a scene that streams",
+        build: dusty,
+        features: &["STREAMING", "SHADED_AOVS"],
+        passes: &[STREAM_PASSES, &["generate_aov_rays", "shade_aovs"]],
+        buffers: &[OF_STREAMING, &["mesh primvars", "image primvars:dust"]],
+        primvars: &["dust"],
+        also: Also::StreamedPrimvar,
         ..BARE
     },
     Row {
