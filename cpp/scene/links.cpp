@@ -164,6 +164,36 @@ std::optional<SdfPath> _StagePath(
     return above && own.HasPrefix(*above) ? own : above;
 }
 
+} // namespace
+
+SdfPathVector HdOocPTFindStagePaths(
+    const HdSceneIndexBase& scene, const SdfPath& path, const std::vector<std::pair<SdfPath, SdfPath>>& instancedBy)
+{
+    // This is more than the levels that the renderer supports.
+    constexpr int mostLevels = 64;
+    SdfPathVector locations;
+    _InstancedBy above = instancedBy;
+    for (int level = 0; level < mostLevels && !above.empty(); ++level) {
+        const SdfPath instancer = above.front().first;
+        const HdContainerDataSourceHandle container = scene.GetPrim(instancer).dataSource;
+        if (_HasLocations(container)) {
+            const auto& tokens = *HdOocPTSceneTokens;
+            const auto found = HdOocPTRead(container, { tokens.instancerTopology, tokens.instanceLocations })
+                                   .GetWithDefault<VtArray<SdfPath>>();
+            locations.assign(found.cbegin(), found.cend());
+        }
+        HdOocPTPrimState state;
+        HdOocPTReadPrim({ instancer, container, HdOocPTDirtyInstancedBy, nullptr }, &state);
+        above = state.instancedBy;
+    }
+    if (!locations.empty()) {
+        return locations;
+    }
+    return { _StagePath(scene, path, instancedBy).value_or(path) };
+}
+
+namespace {
+
 /// Collects distinct sets of collections and numbers them.
 class _Sets
 {

@@ -104,6 +104,11 @@ void HdOocPTAddCategories(
 HdOocPTInstanceLinks HdOocPTReadInstanceLinks(const HdSceneIndexBase& scene, const HdOocPTLinks& links,
     const HdOocPTPrimSource& source, const HdOocPTPrimState& prim);
 
+/// The paths on the stage by which collections find a prim that these instancers place: those of its outermost native
+/// instances, else one.
+SdfPathVector HdOocPTFindStagePaths(
+    const HdSceneIndexBase& scene, const SdfPath& path, const std::vector<std::pair<SdfPath, SdfPath>>& instancedBy);
+
 /// Sets the categories, except those that the front end has named itself.
 void HdOocPTSetCategories(const std::pair<TfToken, TfToken>& categories, oocpt::LightDesc* light);
 

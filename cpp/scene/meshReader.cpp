@@ -265,6 +265,7 @@ void HdOocPTReadMesh(
         state->primvars = HdOocPTReadOtherPrimvars(
             source, { tokens.points, tokens.widths, tokens.normals, tokens.displayColor, tokens.displayOpacity });
         state->label = HdOocPTReadLabel(source.container);
+        state->rayPrimvars = HdOocPTReadRayPrimvars(source.container);
     }
     if (source.dirtyBits & HdOocPTDirtyMaterialBinding) {
         state->material = _ReadMaterial(source.container, source.bindingPurposes);
@@ -298,6 +299,12 @@ oocpt::MeshDesc HdOocPTDescribeMesh(const SdfPath& path, const HdOocPTMeshState&
     desc.primvars = HdOocPTDescribePrimvars(state.primvars);
     desc.material = _Text(state.material);
     desc.label = rust::String::lossy(state.label);
+    for (const auto& [name, value] : state.rayPrimvars) {
+        desc.ray_primvars.push_back({ rust::String::lossy(name), rust::String::lossy(value) });
+    }
+    desc.prim.visible = desc.prim.visible && !state.pass.isLeftOut;
+    desc.pass_hides = state.pass.isHiddenFromCamera;
+    desc.pass_is_matte = state.pass.isMatte;
     for (const HdOocPTSubsetState& subset : state.subsets) {
         // The new front end copies the mesh's binding to subsets that have none, such as those that only group faces.
         if (subset.material != state.material) {

@@ -8,8 +8,10 @@
 #include "pxr/pxr.h"
 #include "pxr/usd/sdf/path.h"
 #include "scene/motionReader.h"
+#include "scene/passCollections.h"
 #include "scene/primReader.h"
 #include "scene/primvarReader.h"
+#include "scene/rayPrimvars.h"
 #include "scene/shapeReader.h"
 
 #include <cstdint>
@@ -68,6 +70,8 @@ struct HdOocPTMeshState
     std::vector<HdOocPTSubsetState> subsets;
     TfTokenVector categories;
     std::string label;
+    HdOocPTRayPrimvars rayPrimvars;
+    HdOocPTPassMarks pass;
 };
 
 /// Reads the dirty parts of a mesh, curves, points or a solid of revolution. Its subsets are children of it in `scene`.

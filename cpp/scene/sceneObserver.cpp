@@ -47,7 +47,7 @@ std::vector<_Row> _MakeTable()
         { HdDataSourceLocator(tokens.primvars, tokens.instanceTransforms), HdOocPTDirtyInstancePrimvars },
         { HdDataSourceLocator(tokens.light), HdOocPTDirtyLight },
         { HdDataSourceLocator(tokens.material), HdOocPTDirtyLight | HdOocPTDirtyNetwork },
-        { HdDataSourceLocator(tokens.primvars, tokens.cameraVisibility), HdOocPTDirtyLight },
+        { HdDataSourceLocator(tokens.primvars, tokens.cameraVisibility), HdOocPTDirtyLight | HdOocPTDirtyPrimvars },
         { HdDataSourceLocator(tokens.materialBindings), HdOocPTDirtyMaterialBinding },
         { HdDataSourceLocator(tokens.geomSubset), HdOocPTDirtySubsets },
         // The new front end of 25.08 uses this locator when the faces of a subset have changed.

@@ -92,6 +92,7 @@ void HdOocPTSceneReader::Read(const PrimIdLookup& primIdOf, oocpt::SceneEdits* e
             HdOocPTDirtyTransform | HdOocPTDirtyInstancePrimvars | HdOocPTDirtyPoints, &dirty);
     }
     _ReadLinks(&dirty, warnings);
+    _ReadPass(&dirty, warnings);
     _ReadPurposes(&dirty, warnings);
     std::vector<_Job> jobs = _MakeJobs(dirty, warnings);
     _RunJobs(&jobs, primIdOf, warnings);
@@ -244,6 +245,20 @@ void HdOocPTSceneReader::_ReadLinks(_DirtyBits* dirty, HdOocPTWarnings* warnings
     }
 }
 
+void HdOocPTSceneReader::_ReadPass(_DirtyBits* dirty, HdOocPTWarnings* warnings)
+{
+    const bool isNew = _pass.Read(*_scene, warnings);
+    // What an instancer places is in the collections of its instances.
+    const auto places = [&](const auto& entry) {
+        const auto known = _records.find(entry.first);
+        return known != _records.end() && known->second && known->second->kind == HdOocPTPrimKind::Instancer
+            && (entry.second & (HdOocPTDirtyInstances | HdOocPTDirtyInstancedBy));
+    };
+    if (isNew || (_pass.IsActive() && std::any_of(dirty->begin(), dirty->end(), places))) {
+        _Mark({ HdOocPTPrimKind::Mesh, HdOocPTPrimKind::Light }, HdOocPTDirtyCategories, dirty);
+    }
+}
+
 void HdOocPTSceneReader::_Mark(std::initializer_list<HdOocPTPrimKind> kinds, uint32_t bits, _DirtyBits* dirty) const
 {
     for (const auto& [path, record] : _records) {
@@ -352,6 +367,7 @@ void HdOocPTSceneReader::_ReadJob(_Job* job, const PrimIdLookup& primIdOf, HdOoc
         if (!_links.IsEmpty() && (source.dirtyBits & HdOocPTDirtyCategories)) {
             HdOocPTAddCategories(*_scene, _links, source, record.mesh.get());
         }
+        record.mesh->pass = _pass.Find(*_scene, source.path, record.mesh->prim, warnings);
         job->mesh = HdOocPTDescribeMesh(job->path, *record.mesh, primIdOf ? primIdOf(job->path) : -1);
         if (source.dirtyBits & HdOocPTDirtyLight) {
             const bool isLight = HdOocPTIsMeshLight(prim.dataSource);
@@ -378,6 +394,7 @@ void HdOocPTSceneReader::_ReadJob(_Job* job, const PrimIdLookup& primIdOf, HdOoc
     case HdOocPTPrimKind::Light:
         job->light = HdOocPTReadLight(source, record.type);
         HdOocPTSetCategories(_links.GetCategories(job->path), &*job->light);
+        _ApplyPass(source, &*job->light);
         break;
     case HdOocPTPrimKind::Material:
         job->material = HdOocPTReadMaterial(source);
@@ -388,6 +405,15 @@ void HdOocPTSceneReader::_ReadJob(_Job* job, const PrimIdLookup& primIdOf, HdOoc
     case HdOocPTPrimKind::Other:
         break;
     }
+}
+
+void HdOocPTSceneReader::_ApplyPass(const HdOocPTPrimSource& source, oocpt::LightDesc* light) const
+{
+    HdOocPTPrimState state;
+    HdOocPTReadPrim({ source.path, source.container, HdOocPTDirtyInstancedBy, source.warnings }, &state);
+    const HdOocPTPassMarks marks = _pass.Find(*_scene, source.path, state, source.warnings);
+    light->prim.visible = light->prim.visible && !marks.isLeftOut;
+    light->camera_visible = light->camera_visible && !marks.isHiddenFromCamera;
 }
 
 void HdOocPTSceneReader::SetCamera(const SdfPath& camera, HdOocPTWarnings* warnings)

@@ -9,6 +9,7 @@
 #include "scene/cameraReader.h"
 #include "scene/links.h"
 #include "scene/motionReader.h"
+#include "scene/passCollections.h"
 #include "scene/primKind.h"
 #include "scene/productReader.h"
 #include "scene/sceneObserver.h"
@@ -24,6 +25,7 @@
 #include <vector>
 
 namespace oocpt {
+struct LightDesc;
 struct SceneEdits;
 }
 
@@ -119,6 +121,10 @@ private:
     void _TakeRemovals(const std::vector<SdfPath>& removed, oocpt::SceneEdits* edits, _DirtyBits* dirty);
     void _TakeChanges(const HdOocPTSceneChanges& changes, oocpt::SceneEdits* edits, _DirtyBits* dirty);
     void _ReadLinks(_DirtyBits* dirty, HdOocPTWarnings* warnings);
+    /// Reads the active render pass; marks what it may have changed.
+    void _ReadPass(_DirtyBits* dirty, HdOocPTWarnings* warnings);
+    /// Applies the active render pass to a light as it was last read.
+    void _ApplyPass(const HdOocPTPrimSource& source, oocpt::LightDesc* light) const;
     /// Marks prims of these kinds to be read again.
     void _Mark(std::initializer_list<HdOocPTPrimKind> kinds, uint32_t bits, _DirtyBits* dirty) const;
     /// Reads the purposes and colours of the active render settings.
@@ -138,6 +144,7 @@ private:
     /// Every prim that OocPT handles; entries without a record are mere ancestors.
     SdfPathTable<_RecordPtr> _records;
     HdOocPTLinks _links;
+    HdOocPTPassCollections _pass;
     std::set<SdfPath> _settingsPrims;
     HdOocPTSettingMap _settings;
     std::optional<GfRange2d> _dataWindow;

@@ -85,11 +85,15 @@ PXR_NAMESPACE_OPEN_SCOPE
     ((lightGroup, "oocpt:lightGroup"))((riLightGroup, "ri:light:lightGroup"))                                         \
     ((riGroup, "ri:attributes:identifier:lpegroup"))((karmaLightTag, "karma:light:lpetag"))                           \
     ((karmaObjectTag, "karma:object:lpetag"))((arnoldAov, "arnold:aov"))
+
+/// Names of render passes.
+#define HDOOCPT_PASS_TOKENS (activeRenderPassPrim)(renderVisibility)(cameraVisibility)(matte)(prune)
 // clang-format on
 
 TF_DECLARE_PUBLIC_TOKENS(HdOocPTSceneTokens, HDOOCPT_SCENE_TOKENS);
 TF_DECLARE_PUBLIC_TOKENS(HdOocPTProductTokens, HDOOCPT_PRODUCT_TOKENS);
 TF_DECLARE_PUBLIC_TOKENS(HdOocPTLabelTokens, HDOOCPT_LABEL_TOKENS);
+TF_DECLARE_PUBLIC_TOKENS(HdOocPTPassTokens, HDOOCPT_PASS_TOKENS);
 
 PXR_NAMESPACE_CLOSE_SCOPE
 

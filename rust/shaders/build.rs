@@ -107,7 +107,7 @@ fn compile(
     let name = pass_name(source)?;
     let words = tools.compile(source, include, &out.join(format!("{name}.spv")))?;
     let structs = check::check(&words, layouts).map_err(|error| format!("{}:\n{error}", source.display()))?;
-    let flag_words = [abi::SPEC_FEATURES, abi::SPEC_FEATURES_HIGH];
+    let flag_words = [abi::SPEC_FEATURES, abi::SPEC_FEATURES_HIGH, abi::SPEC_FEATURES_TOP];
     let uses = uses::uses(&words, &flag_words).map_err(|error| format!("{}: {error}", source.display()))?;
     Ok(CompiledPass { name, uses, structs })
 }
@@ -210,7 +210,8 @@ fn constants() -> Result<String, String> {
         }
         declared |= *bit;
         let index = bit.bits().trailing_zeros();
-        let (word, index) = if index < 32 { ("FEATURES", index) } else { ("FEATURES_HIGH", index - 32) };
+        let word = ["FEATURES", "FEATURES_HIGH", "FEATURES_TOP"].get(index as usize / 32);
+        let (word, index) = (word.ok_or("too many features")?, index % 32);
         let needed: String = needs.iter_names().map(|(name, _)| format!(" && HAS_{name}")).collect();
         let _infallible = writeln!(text, "const bool HAS_{name} = ({word} & (1u << {index})) != 0u{needed};");
     }
@@ -281,8 +282,9 @@ fn modules(modules: &[(String, uses::ModuleUses)]) -> String {
     for (group, doc, modules) in groups {
         let _infallible = write!(text, "/// {doc}.\npub mod {group} {{\n    use super::ShaderModule;\n");
         for (name, uses) in modules {
-            let bits = |spec| u64::from(uses.bits.get(&spec).copied().unwrap_or(0));
-            let features = bits(abi::SPEC_FEATURES) | bits(abi::SPEC_FEATURES_HIGH) << 32;
+            let bits = |spec| u128::from(uses.bits.get(&spec).copied().unwrap_or(0));
+            let features =
+                bits(abi::SPEC_FEATURES) | bits(abi::SPEC_FEATURES_HIGH) << 32 | bits(abi::SPEC_FEATURES_TOP) << 64;
             let reads = |spec| uses.constants.contains(&spec);
             let _infallible = writeln!(
                 text,

@@ -14,6 +14,12 @@ void store_states(uint64_t states, uint path, GpuPathStates s) {
     PathStatesBlock(states + uint64_t(path) * uint64_t(PATH_STATES_BYTES)).s = s;
 }
 
+// The expressions that light counts for which was found on its way: all, or not those of unoccluded light, as they have
+// counted it when a shadow ray was sent.
+uint parts_found(bool of_all) {
+    return of_all ? 0xffffffffu : ~AUTOMATON.unoccluded;
+}
+
 // Expressions that a path which ends in this state is of, as bits.
 uint accepted(uint state) {
     return ConstUints(AUTOMATON.accepts).v[state];
@@ -29,12 +35,13 @@ void clear_light_parts(uint path) {
     for (uint word = 0u; word < 3u * FRAME.light_count; ++word) Floats(values).v[word] = 0.0;
 }
 
-// `light`: what the path adds to its radiance. `s`: states after what shines.
-void add_light_parts(uint path, GpuPathStates s, vec3 light) {
+// `light`: what the path adds to its radiance. `s`: states after what shines. `counted`: the expressions that it may be
+// of, as bits.
+void add_light_parts(uint path, GpuPathStates s, vec3 light, uint counted) {
     const uint64_t values = light_values_of(path);
     for (uint c = 0u; c < 3u; ++c) {
-        const uint diffuse = accepted(s.states[c] & 0xffffu);
-        const uint other = accepted(s.states[c] >> 16);
+        const uint diffuse = accepted(s.states[c] & 0xffffu) & counted;
+        const uint other = accepted(s.states[c] >> 16) & counted;
         const float part = light[c] * s.share[c];
         const float rest = light[c] - part;
         for (uint left = diffuse | other; left != 0u; left &= left - 1u) {

@@ -57,6 +57,9 @@ GpuPathStates scattered_states(uvec3 before, bool transmits, bool sharp, uint la
     return s;
 }
 
+// Whether what was last found of a light that a ray meets is what others than diffuse lobes scatter alone.
+bool brought_specular = false;
+
 // Lights that a ray meets add up to one contribution. These say what of it each light's radiance is: the path, its
 // states, and the factor, throughput and clamping together; none while it is 0.
 uint part_path;
@@ -77,17 +80,19 @@ void end_light_parts() {
     part_factor = vec3(0.0);
 }
 
-// Adds a light that a ray meets; `light` holds its multipliers already.
-void add_light_part(uint event, uint64_t labels, uint index, float diffuse, float specular, vec3 light) {
+// Adds a light that a ray meets; `light` holds its multipliers already. `asked`: shadow rays ask for it, too.
+void add_light_part(uint event, uint64_t labels, uint index, float diffuse, float specular, vec3 light, bool asked) {
     if (!HAS_PATH_EXPRESSIONS || !(max_component(part_factor) > 0.0) || !(max_component(light) > 0.0)) return;
     GpuPathStates s = states_at_light(part_states, event, ConstUints(labels).v[index]);
-    if (HAS_LIGHT_LOBES && diffuse != specular) {
+    if (brought_specular) {
+        s.share = vec3(0.0);
+    } else if (HAS_LIGHT_LOBES && diffuse != specular) {
         for (uint c = 0u; c < 3u; ++c) {
             const float all = specular + (diffuse - specular) * s.share[c];
             s.share[c] = all > 0.0 ? min(diffuse * s.share[c] / all, 1.0) : 0.0;
         }
     }
-    add_light_parts(part_path, s, part_factor * light);
+    add_light_parts(part_path, s, part_factor * light, parts_found(!asked));
 }
 
 // What a shadow ray has been sampled towards: set with LightSample. `sampled_share`: of its contribution, by channel,

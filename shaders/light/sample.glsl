@@ -13,6 +13,7 @@
 
 #include "math/affine.glsl"
 #include "light/links.glsl"
+#include "geometry/prim_masks.glsl"
 #include "light/lights.glsl"
 
 #include "light/motion.glsl"
@@ -60,7 +61,8 @@ vec3 unpack_normal(uint bits) {
 const bool HAS_INFINITE_LIGHTS = HAS_DOME || HAS_DISTANT;
 
 // True if a light needs data of the surface that a ray left: its position, its links, its diffuse share.
-const bool HAS_PREVIOUS_VERTICES = HAS_LOCAL_LIGHTS || HAS_MESH_LIGHTS || HAS_LIGHT_LINKS || HAS_LIGHT_LOBES;
+const bool HAS_PREVIOUS_VERTICES =
+    HAS_LOCAL_LIGHTS || HAS_MESH_LIGHTS || HAS_LIGHT_LINKS || HAS_LIGHT_LOBES || HAS_PRIM_MASKS;
 
 void store_previous_vertex(uint path, uint normal, uint link_set, vec3 diffuse) {
     if (!HAS_PREVIOUS_VERTICES) return;
@@ -140,11 +142,22 @@ vec3 multiplied(float diffuse, float specular, vec3 share) {
     return specular + (diffuse - specular) * share;
 }
 
+// The share of a light's radiance that a BSDF ray brings, by its multipliers; `asked`: shadow rays ask for it, too.
+vec3 brought_by_ray(float diffuse, float specular, PreviousVertex from, bool asked) {
+    brought_specular = shadow_rays_alone() && asked;
+    if (brought_specular) return specular * (1.0 - from.diffuse);
+    return multiplied(diffuse, specular, from.diffuse);
+}
+
+// Whether shadow rays ask, too, for the light that local_along has found for the ray.
+bool local_asked;
+
 // The contribution of one local light to the ray; 0 if the ray does not meet it before t_end.
 vec3 local_along(uint index, float chosen, vec3 o_hi, vec3 o_lo, vec3 d, float t_end, bool camera,
                  PreviousVertex from) {
     const GpuLocalLight light = load_local_light(index);
     const uint kind = light_kind(light.flags);
+    local_asked = false;
     if (is_thin(kind)) return vec3(0.0);
     if (camera && (light.flags & LIGHT_CAMERA_VISIBLE) == 0u) return vec3(0.0);
     const vec3 place = difference(Double3(o_hi, o_lo), Double3(light.position, light.position_lo));
@@ -158,13 +171,14 @@ vec3 local_along(uint index, float chosen, vec3 o_hi, vec3 o_lo, vec3 d, float t
     if (!is_linked(light.light_link, from.link_set)) return vec3(0.0);
     if (from.pdf > 0.0 && is_shadow_only(light.flags)) return vec3(0.0);
     const float other = from.pdf > 0.0 ? chosen * shape_density(kind, light.determinant, o, dd, q, t) : 0.0;
-    return radiance * multiplied(light.diffuse, light.specular, from.diffuse) * ray_weight(from.pdf, other);
+    local_asked = other > 0.0;
+    return radiance * brought_by_ray(light.diffuse, light.specular, from, local_asked) * ray_weight(from.pdf, other);
 }
 
 // Keeps apart what a local light that the ray has met adds.
 void add_local_part(uint index, vec3 light) {
     const GpuLocalLight of = load_local_light(index);
-    add_light_part(EVENT_LIGHT, AUTOMATON.local_labels, index, of.diffuse, of.specular, light);
+    add_light_part(EVENT_LIGHT, AUTOMATON.local_labels, index, of.diffuse, of.specular, light, local_asked);
 }
 
 // The contribution of the local lights that the ray meets before t_end. `met`: at least one of them shines.
@@ -268,15 +282,16 @@ vec3 lights_at_infinity(vec3 d, PreviousVertex from) {
         vec3 radiance = infinite_radiance(light, into_light_frame(d), pdf);
         const float chosen = far * light.probability / linked;
         // A constant dome is sampled by the BSDF, delta lobes included.
-        if (kind == LIGHT_DOME) {
-            radiance *= is_shadow_only(light.flags) ? 1.0 : 1.0 / (1.0 + chosen);
-        } else {
-            radiance *= ray_weight(from.pdf, chosen * pdf);
-        }
-        const vec3 shown = radiance * multiplied(light.diffuse, light.specular, from.diffuse);
+        float weight = ray_weight(from.pdf, chosen * pdf);
+        const bool whole = is_shadow_only(light.flags) || shadow_rays_alone();
+        if (kind == LIGHT_DOME) weight = whole ? 1.0 : 1.0 / (1.0 + chosen);
+        radiance *= weight;
+        const bool asked = kind == LIGHT_DOME ? !is_shadow_only(light.flags) : weight < 1.0;
+        const vec3 shown = radiance * brought_by_ray(light.diffuse, light.specular, from, asked);
         sum += shown;
         if (HAS_PATH_EXPRESSIONS) {
-            add_light_part(infinite_event(kind), AUTOMATON.infinite_labels, i, light.diffuse, light.specular, shown);
+            add_light_part(infinite_event(kind), AUTOMATON.infinite_labels, i, light.diffuse, light.specular, shown,
+                           asked && weight < 1.0);
         }
     }
     return sum;
@@ -292,7 +307,7 @@ vec3 domes_behind(vec3 d) {
         turn_infinite_light(i);
         const vec3 radiance = infinite_radiance(light, into_light_frame(d), pdf);
         sum += radiance;
-        if (HAS_PATH_EXPRESSIONS) add_light_part(EVENT_DOME, AUTOMATON.infinite_labels, i, 1.0, 1.0, radiance);
+        if (HAS_PATH_EXPRESSIONS) add_light_part(EVENT_DOME, AUTOMATON.infinite_labels, i, 1.0, 1.0, radiance, false);
     }
     return sum;
 }

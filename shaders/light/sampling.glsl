@@ -24,10 +24,12 @@ struct LightSample {
     bool whole; // `contribution` holds the BSDF already
     float diffuse; // the light's multipliers
     float specular;
+    vec3 unoccluded; // with PATH_EXPRESSIONS: `contribution` without the weight against the BSDF's ray
 };
 
 LightSample no_light_sample() {
-    return LightSample(vec3(0.0), INFINITE, vec3(0.0), 0u, 0u, 0u, 0.0, 1.0, false, false, false, false, 1.0, 1.0);
+    return LightSample(vec3(0.0), INFINITE, vec3(0.0), 0u, 0u, 0u, 0.0, 1.0, false, false, false, false, 1.0, 1.0,
+                       vec3(0.0));
 }
 
 // With HAS_SHADOW_REACH: a random number of the shadow ray's own, in [0, 1).
@@ -157,7 +159,18 @@ LightSample sample_infinite_light(const Bsdf bsdf, vec3 wo, uint link_set, float
             sampled_share = diffuse_share(d * light.diffuse, s * light.specular);
         }
         // Delta lobes of shadow-only lights are left to the rays.
+        if (shadow_rays_alone() && !alone) {
+            // Of what other lobes than diffuse ones scatter the ray brings all.
+            vec3 d = vec3(0.0), s = vec3(0.0);
+            float unused;
+            if (pdf > 0.0) bsdf_evaluate_lobes(bsdf, wo, ls.direction, d, s, unused);
+            ls.contribution = light.radiance * weight * diffuse_share(d * light.diffuse, s * light.specular) / chosen;
+            if (HAS_PATH_EXPRESSIONS) sampled_share = vec3(1.0);
+            ls.unoccluded = ls.contribution;
+            return ls;
+        }
         if (pdf > 0.0 || !alone) ls.contribution = light.radiance * weight / (alone ? chosen : 1.0 + chosen);
+        if (HAS_PATH_EXPRESSIONS && (pdf > 0.0 || !alone)) ls.unoccluded = light.radiance * weight / chosen;
         return ls;
     }
     ls.density = chosen;
@@ -249,9 +262,19 @@ void finish_light_sample(inout LightSample ls, vec3 diffuse, vec3 specular, floa
     if (is_looked_up(ls) && max_component(f) > 0.0) ls.contribution = point_emission(mesh_point, density);
     if (ls.thin) {
         ls.contribution = ls.contribution * f * ls.scale;
-    } else {
-        ls.contribution *= f / (ls.weighs ? ls.density + density : ls.density);
+        ls.unoccluded = ls.contribution;
+        return;
     }
+    if (HAS_PATH_EXPRESSIONS) ls.unoccluded = ls.contribution * f / ls.density;
+    if (shadow_rays_alone() && ls.weighs) {
+        // All of what diffuse lobes scatter; the rest is weighed against the ray.
+        const vec3 d = diffuse * ls.diffuse / ls.density;
+        const vec3 s = specular * ls.specular / (ls.density + density);
+        if (HAS_PATH_EXPRESSIONS) sampled_share = diffuse_share(d, s);
+        ls.contribution *= d + s;
+        return;
+    }
+    ls.contribution *= f / (ls.weighs ? ls.density + density : ls.density);
 }
 
 // Samples a light with the random numbers of the path for this bounce.

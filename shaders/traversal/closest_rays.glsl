@@ -36,6 +36,7 @@ void begin_ray(uint at) {
     }
     const uint64_t ray = ray_address(path);
     const uint flags = HAS_STREAMING ? ray_flags(ray) : 0u;
+    if (HAS_PRIM_MASKS) walk.passing = passing_bit(ray);
     if (HAS_STREAMING && (flags & RAY_HIT) != 0u) load_hit(path);
     begin_walk(ray, path, ray_t_max(ray), opacity_seed(path, 2u * ray_bounce(ray)), flags);
     if (SETTLES == 1 && (entry & SETTLE_KEPT) != 0u) {

@@ -21,7 +21,7 @@ void begin_ray(uint at) {
         return;
     }
     const uint64_t ray = shadow_ray_address(path);
-    const uint linked = ray_bounce(ray);
+    const uint linked = ray_word(ray);
     walk.shadow_link = shadow_link(linked);
     const uint flags = HAS_STREAMING ? ray_flags(ray) : 0u;
     begin_walk(ray, path, ray_t_max(ray), opacity_seed(path, 2u * shadow_bounce(linked) + 1u), flags);
@@ -38,7 +38,12 @@ void add_light(uint path) {
     if (walk.hit) contribution *= unpack_color(shadow_color);
     const vec4 before = ConstVec4s(FRAME.radiance).v[path];
     Vec4s(FRAME.radiance).v[path] = vec4(before.xyz + contribution, before.w);
-    if (HAS_PATH_EXPRESSIONS) add_light_parts(path, load_states(FRAME.shadow_states, path), contribution);
+    if (HAS_PATH_EXPRESSIONS) {
+        GpuPathStates states = load_states(FRAME.shadow_states, path);
+        const bool of_all = (states.states.x & STATES_OF_ALL) != 0u;
+        states.states.x &= ~STATES_OF_ALL;
+        add_light_parts(path, states, contribution, parts_found(of_all));
+    }
 }
 
 // Pushes paths that wait for their shadow ray only, and rays that wait.

@@ -142,6 +142,7 @@ void share_walks(bool idle) {
     const uint shadow_link = subgroupShuffle(walk.shadow_link, from);
 #else
     const bool hit = subgroupShuffle(walk.hit, from);
+    const uint passing = HAS_PRIM_MASKS ? subgroupShuffle(walk.passing, from) : 0u;
 #endif
     Found other;
     other.t = subgroupShuffle(found.t, from);
@@ -179,6 +180,7 @@ void share_walks(bool idle) {
     walk.hit = false;
 #else
     walk.hit = hit;
+    if (HAS_PRIM_MASKS) walk.passing = passing;
 #endif
     walk.hit_before = false;
     walk.entry = entry;

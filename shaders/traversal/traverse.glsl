@@ -23,6 +23,7 @@
 #include "math/affine.glsl"
 #include "geometry/attribute.glsl"
 #include "light/links.glsl"
+#include "geometry/prim_masks.glsl"
 #include "geometry/motion.glsl"
 #include "geometry/pose.glsl"
 #include "math/sampler.glsl"
@@ -60,6 +61,7 @@ struct Walk {
     uint seed;
     float time; // of the path; with HAS_TIME only
     uint shadow_link; // any hit: category of the prims that count; 0: all
+    uint passing; // closest hit, with PRIM_MASKS: the bit of the prims that the ray passes
     uint visits;  // of resident chunks; streaming only
     float chunk_entry;  // where the chunk was entered, as its parent said; streaming only, as the next two
     float record_entry; // where the record of the mesh was
@@ -240,7 +242,13 @@ uint enter(uint record) {
     if (HAS_LIGHT_LINKS && !nested && walk.shadow_link != 0u) {
         if (!is_linked(walk.shadow_link, prim_link_set(Instances(walk.instances).v[record].prim_id))) return pop();
     }
+    const uint passing = PRIM_NO_SHADOW;
+#else
+    const uint passing = walk.passing;
 #endif
+    if (HAS_PRIM_MASKS && !nested && (prim_mask(Instances(walk.instances).v[record].prim_id) & passing) != 0u) {
+        return pop();
+    }
     if (HAS_STREAMING && !nested && skips_mesh(mesh)) return pop();
     const Affine map = placed_map(walk.instances, record, target, walk.time);
     if (stack_top >= STACK_SIZE || (nested && walk.level >= MAX_LEVELS)) {

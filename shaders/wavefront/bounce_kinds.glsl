@@ -8,6 +8,7 @@
 
 #include "material/bsdf.glsl"
 
+// In the order of the bits from PRIM_NO_DIFFUSE on.
 const uint KIND_DIFFUSE = 0u;
 const uint KIND_SPECULAR = 1u;
 const uint KIND_TRANSMISSION = 2u;
@@ -38,14 +39,16 @@ bool ends_paths(const Bsdf bsdf, uint bounce, uint kinds) {
     return (bounce >= FRAME.max_bounces || is_used_up(kinds, KIND_DIFFUSE)) && is_plain(bsdf);
 }
 
-// Counts the bounce that `u` has chosen the lobe of (bsdf_choose); `beyond`: it goes through the surface.
-void count_bounce(uint path, const Bsdf bsdf, float u, bool beyond, uint kinds) {
-    uint kind = KIND_SPECULAR;
-    if (!is_hair(bsdf)) {
-        float place = u;
-        if (is_plain(bsdf) || choose_lobe(bsdf.chance, place) == LOBE_DIFFUSE) kind = KIND_DIFFUSE;
-        if (beyond) kind = KIND_TRANSMISSION;
-    }
+// The kind of the bounce that `u` has chosen the lobe of (bsdf_choose); `beyond`: it goes through the surface.
+uint bounce_kind(const Bsdf bsdf, float u, bool beyond) {
+    if (is_hair(bsdf)) return KIND_SPECULAR;
+    if (beyond) return KIND_TRANSMISSION;
+    float place = u;
+    return is_plain(bsdf) || choose_lobe(bsdf.chance, place) == LOBE_DIFFUSE ? KIND_DIFFUSE : KIND_SPECULAR;
+}
+
+// Counts the bounce of a kind.
+void count_bounce(uint path, uint kind, uint kinds) {
     if (is_used_up(kinds, kind)) {
         kinds |= KINDS_USED_UP;
     } else if (bounces_of(kinds, kind) + 1u < 1u << BOUNCE_KIND_BITS) {

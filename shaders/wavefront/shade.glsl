@@ -9,6 +9,7 @@
 #define OOCPT_SHADE_GLSL
 
 #include "wavefront/bounce_kinds.glsl"
+#include "geometry/prim_masks.glsl"
 
 void add_radiance(uint path, vec3 value) {
     const vec4 before = ConstVec4s(FRAME.radiance).v[path];
@@ -26,6 +27,8 @@ void add_met_lights(uint path, Ray ray, Surface surface, PathState state) {
     set_light_time(path);
     const vec3 lights = lights_along(origin, ray.d, t_end, camera, from, met);
     if (!met) return;
+    // Behind a lamp there is no need to see through a matte.
+    if (HAS_PRIM_MASKS && camera) Vec4s(FRAME.radiance).v[path].w = 1.0;
     const vec3 contribution = state.throughput * lights;
     const vec3 kept = clamp_contribution(path, contribution, ray.bounce > 1u);
     add_radiance(path, kept);
@@ -49,9 +52,15 @@ GpuPathStates shadow_states;
 bool store_shadow_ray(uint path, Double3 origin, uint bounce, LightSample ls, vec3 throughput) {
     const vec3 contribution = clamp_contribution(path, throughput * ls.contribution, bounce > 0u);
     if (!(max_component(contribution) > 0.0)) return false;
+    // A mesh may be in its own way: it keeps its shadows.
+    if (HAS_PATH_EXPRESSIONS && ls.of_mesh) shadow_states.states.x |= STATES_OF_ALL;
+    if (HAS_PATH_EXPRESSIONS && AUTOMATON.unoccluded != 0u && !ls.of_mesh) {
+        const vec3 whole = clamp_contribution(path, throughput * ls.unoccluded, bounce > 0u);
+        add_light_parts(path, shadow_states, whole, AUTOMATON.unoccluded);
+    }
     if ((ls.flags & LIGHT_NO_SHADOWS) != 0u) {
         add_radiance(path, contribution);
-        if (HAS_PATH_EXPRESSIONS) add_light_parts(path, shadow_states, contribution);
+        if (HAS_PATH_EXPRESSIONS) add_light_parts(path, shadow_states, contribution, parts_found(false));
         return false;
     }
     if (HAS_PATH_EXPRESSIONS) store_states(FRAME.shadow_states, path, shadow_states);
@@ -63,8 +72,9 @@ bool store_shadow_ray(uint path, Double3 origin, uint bounce, LightSample ls, ve
 }
 
 // Weight of the emission of a mesh that the ray has met, against the shadow ray of the bounce before.
-float emission_share(uint path, Ray ray, Surface surface, float pdf) {
-    if (ray.bounce == 0u || !(pdf > 0.0)) return 1.0;
+vec3 emission_share(uint path, Ray ray, Surface surface, float pdf) {
+    brought_specular = false;
+    if (ray.bounce == 0u || !(pdf > 0.0)) return vec3(1.0);
     set_light_time(path);
     const PreviousVertex from = load_previous_vertex(path, ray.o, pdf);
     const Double3 origin = Double3(ray.o, ray.o_lo);
@@ -75,7 +85,7 @@ float emission_share(uint path, Ray ray, Surface surface, float pdf) {
     const float other = mesh_light_density(from.receiver, origin, share, uint(surface.prim_id), surface.instance_id,
                                            mesh, surface.face,
                                            surface_material.material, surface.geometric_normal, distance, facing);
-    return ray_weight(pdf, other);
+    return ray_weight(pdf, other) * brought_by_ray(1.0, 1.0, from, other > 0.0);
 }
 
 // The offset from the hit on a tube of hair to the point where a direction through it leaves: where the normal of a
@@ -89,7 +99,7 @@ vec3 way_around(const Bsdf bsdf, vec3 w, float offset) {
 }
 
 // Whether the share of diffuse lobes in what a surface has scattered is used.
-const bool KEEPS_SHARES = HAS_LIGHT_LOBES || HAS_PATH_EXPRESSIONS;
+const bool KEEPS_SHARES = HAS_LIGHT_LOBES || HAS_PATH_EXPRESSIONS || HAS_PRIM_MASKS;
 
 // Shades a hit: `asks` is set if a shadow ray was stored, `go_on` if the next ray was.
 void shade(uint path, out bool asks, out bool go_on) {
@@ -100,9 +110,12 @@ void shade(uint path, out bool asks, out bool go_on) {
     PathState state = load_path(path);
     const vec3 arrived = state.throughput;
     if (HAS_CUTOUTS && HAS_TEXTURES) store_next_cone(path, surface.cone, 0.0);
-    if (ray.bounce == 0u) Vec4s(FRAME.radiance).v[path] = vec4(0.0, 0.0, 0.0, 1.0);
+    const bool is_matte =
+        HAS_PRIM_MASKS && ray.bounce == 0u && (prim_mask(surface.prim_id) & PRIM_MATTE) != 0u;
+    if (ray.bounce == 0u) Vec4s(FRAME.radiance).v[path] = vec4(0.0, 0.0, 0.0, is_matte ? 0.0 : 1.0);
     if (HAS_PATH_EXPRESSIONS && ray.bounce == 0u) clear_light_parts(path);
     if (HAS_LOCAL_LIGHTS) add_met_lights(path, ray, surface, state);
+    if (is_matte) return;
     const uint kinds = path_kinds(path, ray.bounce);
     const bool only_lights = only_looks_for_lights(ray.bounce, kinds);
     if (only_lights && !HAS_EMISSION) return;
@@ -115,14 +128,17 @@ void shade(uint path, out bool asks, out bool go_on) {
         state.throughput *= exp(-shading.absorption * max(way, 0.0));
     }
     if (HAS_EMISSION && max_component(shading.emission) > 0.0) {
-        const float weight = HAS_MESH_LIGHTS ? emission_share(path, ray, surface, state.pdf) : 1.0;
+        vec3 weight = vec3(1.0);
+        if (HAS_MESH_LIGHTS) weight = emission_share(path, ray, surface, state.pdf);
         // As for other lights, light that shadow rays could find at bounce 0 is direct.
         const vec3 emitted = clamp_contribution(path, state.throughput * (shading.emission * weight),
                                                 ray.bounce > (HAS_MESH_LIGHTS ? 1u : 0u));
         add_radiance(path, emitted);
         if (HAS_PATH_EXPRESSIONS) {
-            add_light_parts(path, states_at_light(path_states(path, ray.bounce), EVENT_SURFACE,
-                                                  prim_label(surface.prim_id)), emitted);
+            GpuPathStates states = path_states(path, ray.bounce);
+            if (brought_specular) states.share = vec3(0.0);
+            add_light_parts(path, states_at_light(states, EVENT_SURFACE,
+                                                  prim_label(surface.prim_id)), emitted, parts_found(true));
         }
     }
     if (only_lights) return;
@@ -202,11 +218,14 @@ void shade(uint path, out bool asks, out bool go_on) {
     if (HAS_PATH_EXPRESSIONS) {
         store_states(FRAME.path_states, path, scattered_states(states, goes_beyond, !(pdf > 0.0), label, share));
     }
-    if (HAS_BOUNCE_KINDS) count_bounce(path, bsdf, u.z, goes_beyond, kinds);
+    uint kind = 0u;
+    if (HAS_BOUNCE_KINDS || HAS_PRIM_MASKS) kind = bounce_kind(bsdf, u.z, goes_beyond);
+    if (HAS_BOUNCE_KINDS) count_bounce(path, kind, kinds);
     Double3 from = origin;
     if (goes_beyond) from = beyond;
     if (goes_beyond && is_hair(bsdf)) from = add(surface.position, way_around(bsdf, wi, surface.offset));
-    store_ray(ray_address(path), Ray(from.hi, ray.bounce + 1u, wi, INFINITE, from.lo, 0u));
+    const uint bounce = pack_ray_bounce(ray.bounce + 1u, PRIM_NO_DIFFUSE << kind);
+    store_ray(ray_address(path), Ray(from.hi, bounce, wi, INFINITE, from.lo, 0u));
 }
 
 #endif

@@ -3,13 +3,14 @@
 // WavefrontCounters::surface_args; arg0 = AOV_ESCAPED: escaped_queue, WavefrontCounters::escaped_args. Reads: the
 // queue, hits, the scene; with streaming, surfaces in place of the last two. Rays of generate_aov_rays (PUSH_AOVS):
 // writes the planes of FrameConstants::aov and primvar_images that are not 0 and not filtered; surfaces of opacity 0
-// are not seen, all others are. Samples: writes FrameConstants::plane_values of those at bounce 0. With streaming: ends
-// rays that go no farther, and writes their segments.
+// are not seen, all others are. Samples: writes FrameConstants::plane_values of those at bounce 0, where a matte counts
+// as nothing. With streaming: ends rays that go no farther, and writes their segments.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "wavefront/wavefront.glsl"
 #include "wavefront/progress.glsl"
 #include "light/links.glsl"
+#include "geometry/prim_masks.glsl"
 #define SURFACES_ARE_SHADED HAS_SHADED_AOVS
 #include "wavefront/path_surface.glsl"
 #include "material/material.glsl"
@@ -114,11 +115,16 @@ void main() {
     if (is_sample && ray_bounce(ray_address(path)) != 0u) return;
     AovClear a = FRAME.aov_clear;
     vec4 motion_both = vec4(0.0);
-    if (hit) a = aovs_of(path, load_surface(path), motion_both);
+    bool is_seen = hit;
+    if (hit) {
+        const Surface surface = load_surface(path);
+        is_seen = !(is_sample && (prim_mask(surface.prim_id) & PRIM_MATTE) != 0u);
+        if (is_seen) a = aovs_of(path, surface, motion_both);
+    }
     // For hits, record_surfaces has written them while their chunk was there.
-    if (HAS_SHADED_AOVS && !(HAS_STREAMING && hit)) store_primvars(path, hit);
+    if (HAS_SHADED_AOVS && !(HAS_STREAMING && is_seen)) store_primvars(path, is_seen);
     if (is_sample) {
-        store_sample(path, a, hit);
+        store_sample(path, a, is_seen);
         if (HAS_STREAMING && (FRAME.flags & FLAG_FIRST_HITS) != 0u) end_path(path, true);
         return;
     }

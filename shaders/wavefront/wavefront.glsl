@@ -147,8 +147,22 @@ uint64_t shadow_ray_address(uint path) {
 }
 
 // Members of a ray at an address, of either kind.
-uint ray_bounce(uint64_t ray) {
+uint ray_word(uint64_t ray) {
     return ConstUints(ray).v[RAY_WORD_BOUNCE];
+}
+
+// The bounce in Ray::bounce: with HAS_PRIM_MASKS the bit of the prims that the ray passes is above it.
+uint unpack_ray_bounce(uint word) {
+    return HAS_PRIM_MASKS ? word & ((1u << RAY_KIND_SHIFT) - 1u) : word;
+}
+
+uint pack_ray_bounce(uint bounce, uint bit) {
+    return HAS_PRIM_MASKS ? bounce | bit << RAY_KIND_SHIFT : bounce;
+}
+
+// Of a ray that is no shadow ray.
+uint ray_bounce(uint64_t ray) {
+    return unpack_ray_bounce(ray_word(ray));
 }
 
 float ray_t_max(uint64_t ray) {
@@ -202,7 +216,7 @@ Ray load_ray(uint64_t address) {
     const vec4 a = ConstVec4s(address).v[0];
     const vec4 b = ConstVec4s(address).v[1];
     const vec4 c = ConstVec4s(address).v[2];
-    return Ray(a.xyz, floatBitsToUint(a.w), b.xyz, b.w, c.xyz, floatBitsToUint(c.w));
+    return Ray(a.xyz, unpack_ray_bounce(floatBitsToUint(a.w)), b.xyz, b.w, c.xyz, floatBitsToUint(c.w));
 }
 
 void store_ray(uint64_t address, Ray ray) {

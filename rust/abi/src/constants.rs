@@ -44,6 +44,7 @@ constants! {
     SHADOW_RAY_BYTES;
     BOUNCE_KIND_BITS;
     EVENT_COUNT;
+    STATES_OF_ALL;
     EVENT_LIGHT = PathEvent::Light as u32;
     EVENT_DOME = PathEvent::Dome as u32;
     EVENT_SURFACE = PathEvent::Surface as u32;
@@ -53,6 +54,7 @@ constants! {
     PATH_STATES_BYTES;
     RAY_COUNT_SHIFT;
     SHADOW_LINK_SHIFT;
+    RAY_KIND_SHIFT;
     SHADOW_BIT;
     MATERIAL_BIT;
     MAX_PENDING;

@@ -11,6 +11,8 @@ use bitflags::bitflags;
 pub const SPEC_FEATURES: u32 = 2;
 /// Specialisation constant: bits 32 to 63 of [`Features`].
 pub const SPEC_FEATURES_HIGH: u32 = 3;
+/// Specialisation constant: bits 64 to 95 of [`Features`].
+pub const SPEC_FEATURES_TOP: u32 = 5;
 
 /// Whether a feature can be compiled in for a scene that does not need it without changing a bit of the
 /// picture, as benches and tests do.
@@ -56,9 +58,9 @@ macro_rules! features {
 
         bitflags! {
             /// The features that the scene and the frame need; the passes are compiled without the rest (specialisation
-            /// constants [`SPEC_FEATURES`] and [`SPEC_FEATURES_HIGH`]).
+            /// constants from [`SPEC_FEATURES`] to [`SPEC_FEATURES_TOP`]).
             #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
-            pub struct Features: u64 {
+            pub struct Features: u128 {
                 $($(#[doc = $doc])+ $(#[cfg($only)])? const $name = 1 << (FeatureBit::$name as u32);)+
             }
         }
@@ -201,6 +203,8 @@ features! {
     PIXEL_FILTER: "pixel filter", [], Never;
     /// Light is kept apart by light path expressions: `FrameConstants::automaton` is used.
     PATH_EXPRESSIONS: "light path expressions", [], Never;
+    /// Some prim is not seen by all rays, or is a matte: `FrameConstants::prim_masks` is used, and rays have a kind.
+    PRIM_MASKS: "visibility by kind of ray, mattes", [], Never;
     /// Some material has the lobe that tests add.
     #[cfg(feature = "faults")]
     TOY_LOBE: "toy lobe", [MATERIALS], Never;
@@ -210,10 +214,11 @@ features! {
 }
 
 impl Features {
-    /// The specialisation constants [`SPEC_FEATURES`] and [`SPEC_FEATURES_HIGH`] with their values.
+    /// The specialisation constants of [`Features`] with their values.
     #[must_use]
-    pub fn constants(self) -> [(u32, u32); 2] {
-        let [a, b, c, d, e, f, g, h] = self.bits().to_le_bytes();
-        [(SPEC_FEATURES, u32::from_le_bytes([a, b, c, d])), (SPEC_FEATURES_HIGH, u32::from_le_bytes([e, f, g, h]))]
+    #[allow(clippy::cast_possible_truncation, reason = "words of it")]
+    pub fn constants(self) -> [(u32, u32); 3] {
+        let words = [(SPEC_FEATURES, 0), (SPEC_FEATURES_HIGH, 32), (SPEC_FEATURES_TOP, 64)];
+        words.map(|(spec, first)| (spec, (self.bits() >> first) as u32))
     }
 }

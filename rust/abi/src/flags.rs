@@ -87,6 +87,50 @@ pub const DONE: u32 = 0xffff_ffff;
 /// Reference of an absent child.
 pub const ABSENT: u32 = 0xffff_ffff;
 
+bitflags! {
+    /// What a prim does without, 8 bits by prim id + 1 in `FrameConstants::prim_masks`: the kinds of rays that pass
+    /// through it, and what the camera sees of it. None is a prim as all others are.
+    #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
+    pub struct PrimMask: u32 {
+        /// Camera rays pass.
+        const NO_CAMERA = 1;
+        /// Shadow rays pass.
+        const NO_SHADOW = 2;
+        /// Rays that a diffuse lobe has reflected pass.
+        const NO_DIFFUSE = 4;
+        /// Rays that another lobe has reflected pass.
+        const NO_REFLECTION = 8;
+        /// Rays that went through the surface before pass.
+        const NO_TRANSMISSION = 16;
+        /// Camera rays end there as if there were nothing, whatever is behind it.
+        const MATTE = 32;
+    }
+}
+
+impl PrimMask {
+    /// The bits of rays that have left a surface, but for shadow rays.
+    pub const INDIRECT: Self = Self::NO_DIFFUSE.union(Self::NO_REFLECTION).union(Self::NO_TRANSMISSION);
+
+    /// Returns true if shadow rays and some other rays that leave surfaces do not see the same of the prim.
+    #[must_use]
+    pub fn parts_shadows(self) -> bool {
+        let (shadow, indirect) = (self.contains(Self::NO_SHADOW), self & Self::INDIRECT);
+        if shadow { indirect != Self::INDIRECT } else { !indirect.is_empty() }
+    }
+}
+
+/// Position in `Ray::bounce` of the bit of [`PrimMask`] that lets the ray pass, with `Features::PRIM_MASKS`; 0 there: a
+/// camera ray.
+pub const RAY_KIND_SHIFT: u32 = 16;
+
+/// Bounce of `Ray::bounce`, and the bit that lets the ray pass, with `Features::PRIM_MASKS`. As `ray_bounce` and
+/// `passing_bit` of the shaders.
+#[must_use]
+pub const fn unpack_ray_bounce(word: u32) -> (u32, u32) {
+    let bit = word >> RAY_KIND_SHIFT;
+    (word & ((1 << RAY_KIND_SHIFT) - 1), if bit == 0 { PrimMask::NO_CAMERA.bits() } else { bit })
+}
+
 macro_rules! material_flags {
     ($($(#[doc = $doc:literal])+ $name:ident: [$($feature:ident)?];)+) => {
         #[expect(non_camel_case_types, clippy::upper_case_acronyms, reason = "names of constants")]
@@ -182,6 +226,7 @@ pub fn flag_constants() -> Vec<(String, u32)> {
         .chain(named::<MeshFlags>("MESH_"))
         .chain(named::<RayFlags>("RAY_"))
         .chain(named::<PathProgress>(""))
+        .chain(named::<PrimMask>("PRIM_"))
         .chain(named::<MaterialFlags>("MATERIAL_"))
         .chain(MaterialInput::constants())
         .chain(PatternOp::constants())
@@ -210,6 +255,22 @@ mod tests {
     fn a_shadow_ray_has_bounce_and_category() {
         assert_eq!(unpack_shadow_bounce(0xffff), (0xffff, 0));
         assert_eq!(unpack_shadow_bounce(3 | 0xabcd << 16), (3, 0xabcd));
+    }
+
+    #[test]
+    fn a_ray_has_bounce_and_kind() {
+        assert_eq!(unpack_ray_bounce(0), (0, PrimMask::NO_CAMERA.bits()), "a camera ray");
+        assert_eq!(unpack_ray_bounce(0xffff | 8 << 16), (0xffff, PrimMask::NO_REFLECTION.bits()));
+    }
+
+    #[test]
+    fn shadows_part_where_some_rays_alone_are_let_through() {
+        let all = PrimMask::INDIRECT | PrimMask::NO_SHADOW;
+        for same in [PrimMask::empty(), PrimMask::NO_CAMERA, PrimMask::MATTE, all, PrimMask::all()] {
+            assert!(!same.parts_shadows(), "{same:?}");
+        }
+        let parted = [PrimMask::NO_SHADOW, PrimMask::INDIRECT, PrimMask::NO_DIFFUSE, all - PrimMask::NO_REFLECTION];
+        assert!(parted.iter().all(|mask| mask.parts_shadows()), "{parted:?}");
     }
 
     #[test]

@@ -63,6 +63,9 @@ bitflags! {
         const DOME_CAMERA_VISIBLE = 1;
         /// Samples end where they meet something first: no image of light is wanted.
         const FIRST_HITS = 2;
+        /// Some prim is in the way of shadow rays and not of others, or the other way round: shadow rays alone find
+        /// lights for diffuse lobes. With `Features::PRIM_MASKS` only.
+        const PARTED_SHADOWS = 4;
     }
 }
 
@@ -442,6 +445,12 @@ shared! {
         pub light_stride: u32,
         /// Number of expressions.
         pub light_count: u32,
+        /// [`crate::PrimMask`]s by prim id + 1, four in each u32, the first lowest; 0 without `Features::PRIM_MASKS`.
+        pub prim_masks: u64,
+        /// Number of prims of `prim_masks`; those behind it have none of its bits.
+        pub mask_count: u32,
+        /// Padding; 0.
+        pub pad: u32,
         /// [`DeepSlot`], `deep_samples` of them for each [`crate::FilmPixel`]; 0 without `Features::DEEP`, as the next.
         /// Zero before the first wave.
         pub deep_slots: u64,

@@ -12,7 +12,7 @@ shared! {
     pub struct Ray {
         /// Origin, world, high part.
         pub o: [f32; 3],
-        /// Number of the bounce; 0 = camera ray.
+        /// Number of the bounce; 0 = camera ray. With `Features::PRIM_MASKS` as [`super::unpack_ray_bounce`] reads it.
         pub bounce: u32,
         /// Direction, world, unit up to rounding.
         pub d: [f32; 3],

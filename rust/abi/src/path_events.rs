@@ -53,6 +53,10 @@ impl PathEvent {
 /// Number of [`PathEvent`]s.
 pub const EVENT_COUNT: u32 = PathEvent::Surface as u32 + 1;
 
+/// Bit of `GpuPathStates::states[0]` of a shadow ray, above its states: its light counts for all expressions when it
+/// arrives, and for none before.
+pub const STATES_OF_ALL: u32 = 1 << 31;
+
 /// Most light path expressions of a picture: bits of [`GpuPathAutomaton::accepts`], and as many images in
 /// [`crate::FrameConstants::light_images`].
 pub const MAX_EXPRESSIONS: usize = 32;
@@ -80,6 +84,11 @@ shared! {
         pub default_label: u32,
         /// State of a path that has left the camera.
         pub start: u32,
+        /// Bit i is set if nothing is in the way of the light of expression i: where shadow rays ask for a light that
+        /// is no mesh, its light counts whatever they meet.
+        pub unoccluded: u32,
+        /// Padding; 0.
+        pub pad: u32,
     }
 }
 

@@ -12,8 +12,11 @@ mod solid;
 use crate::ffi;
 use crate::held::typed_array;
 use cxx::UniquePtr;
+use oocpt_abi::PrimMask;
 use oocpt_core::array::{ArrayElement, TypedArray, column_matrix};
-use oocpt_core::desc::{BoundaryRule, CurveBasis, CurveWrap, CurvesDesc, FaceVaryingLinear, PrimShape, TriangleRule};
+use oocpt_core::desc::{
+    BoundaryRule, CurveBasis, CurveWrap, CurvesDesc, FaceVaryingLinear, PrimShape, TriangleRule, read_prim_mask,
+};
 use oocpt_core::scene::{
     AssetRef, InstanceLinks, InstancedBy, InstancerDesc, InstancerPrototype, Interpolation, MeshDesc, NamedPrimvar,
     PrimDesc, Primvar, SceneWarning, Subdivision, SubdivisionTags, SubsetDesc,
@@ -70,6 +73,18 @@ impl ConversionWarnings {
             Some(NamedPrimvar { name: Arc::from(desc.name), primvar })
         };
         descs.into_iter().filter_map(named).collect()
+    }
+
+    /// What a prim does without: what its primvars say, and the render pass.
+    fn mask(&mut self, path: &str, primvars: &[ffi::RayPrimvarDesc], (hides, is_matte): (bool, bool)) -> PrimMask {
+        let texts: Vec<_> = primvars.iter().map(|given| (&*given.name, &*given.value)).collect();
+        let (mut mask, problems) = read_prim_mask(&texts);
+        for (name, problem) in problems {
+            self.add(path, name, &problem);
+        }
+        mask.set(PrimMask::NO_CAMERA, hides || mask.contains(PrimMask::NO_CAMERA));
+        mask.set(PrimMask::MATTE, is_matte || mask.contains(PrimMask::MATTE));
+        mask
     }
 
     fn subdivision_tags(&mut self, path: &str, desc: ffi::SubdivisionDesc) -> SubdivisionTags {
@@ -206,6 +221,7 @@ pub(crate) fn mesh(desc: ffi::MeshDesc, complaints: &mut ConversionWarnings) -> 
         subsets: complaints.subsets(desc.subsets),
         categories: desc.categories.into_iter().map(Arc::from).collect(),
         label: optional_text(desc.label),
+        mask: complaints.mask(&path, &desc.ray_primvars, (desc.pass_hides, desc.pass_is_matte)),
     }
 }
 
@@ -333,6 +349,9 @@ pub(crate) mod tests {
             subsets: Vec::new(),
             categories: Vec::new(),
             label: String::new(),
+            ray_primvars: Vec::new(),
+            pass_hides: false,
+            pass_is_matte: false,
         }
     }
 

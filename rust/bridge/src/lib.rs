@@ -26,7 +26,7 @@ mod settings;
 mod stats;
 mod texture_file;
 
-use session::{Session, close_session, open_session, setting_descriptors};
+use session::{Session, close_session, open_session, ray_primvar_names, setting_descriptors};
 use texture_file::texture_file;
 
 /// Declarations that cxx turns into both sides of the boundary.
@@ -260,6 +260,17 @@ mod ffi {
         subsets: Vec<SubsetDesc>,
         categories: Vec<String>,
         label: String,
+        /// Primvars that say which rays see the prim.
+        ray_primvars: Vec<RayPrimvarDesc>,
+        /// What the render pass adds to that: camera rays pass; a matte.
+        pass_hides: bool,
+        pass_is_matte: bool,
+    }
+
+    /// A primvar that says which rays see a prim, without `primvars:`, and its value as text.
+    struct RayPrimvarDesc {
+        name: String,
+        value: String,
     }
 
     /// One prototype of an instancer and the instances that use it.
@@ -465,6 +476,7 @@ mod ffi {
         fn open_session(images: UniquePtr<ImageSource>) -> Result<Box<Session>>;
         fn close_session(session: Box<Session>) -> Result<()>;
         fn setting_descriptors() -> Result<Vec<SettingDescriptor>>;
+        fn ray_primvar_names() -> Result<Vec<String>>;
         fn texture_file(images: UniquePtr<ImageSource>, command: &str, resolved: &str, space: &str) -> Result<String>;
         fn apply_edits(self: &Session, edits: SceneEdits) -> Result<()>;
         fn clear_scene(self: &Session) -> Result<()>;

@@ -15,6 +15,7 @@ use crate::images::HostImages;
 use crate::settings::{self, SettingLayers};
 use crate::{logging, runner, stats};
 use cxx::UniquePtr;
+use oocpt_core::desc::prim_mask_names;
 use oocpt_render::textures::ImageLibrary;
 use oocpt_render::{AovKind, SceneEdit, SessionOptions, Severity};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -74,6 +75,11 @@ pub(crate) fn close_session(session: Box<Session>) -> Result<(), BridgeError> {
         drop(session);
         Ok(())
     })
+}
+
+/// The primvars that say which rays see a prim, without `primvars:`.
+pub(crate) fn ray_primvar_names() -> Result<Vec<String>, BridgeError> {
+    guard("ray_primvar_names", || Ok(prim_mask_names().map(str::to_owned).collect()))
 }
 
 /// The settings that hosts list, without a session: the environment's values are the defaults.

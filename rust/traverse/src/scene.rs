@@ -28,6 +28,8 @@ pub(crate) struct TraversalScene<'v> {
     pub(crate) texture_pages: HostBytes<'v>,
     pub(crate) cones: HostBytes<'v>,
     links: Option<LightLinks<'v>>,
+    /// Masks of prims, four in a word; none without the feature.
+    masks: HostBytes<'v>,
 }
 
 /// The categories that decide which prims block which shadow rays.
@@ -59,6 +61,7 @@ impl<'v> TraversalScene<'v> {
             let (bits, sets) = (view.bytes(lighting.link_bits), view.bytes(lighting.prim_sets));
             links = Some(LightLinks { bits, sets, words: lighting.link_words, prims: lighting.prim_count });
         }
+        let has_masks = special.features.contains(Features::PRIM_MASKS);
         Ok(Self {
             view,
             special,
@@ -76,6 +79,7 @@ impl<'v> TraversalScene<'v> {
             texture_pages: view.bytes(frame.texture_pages),
             cones: view.bytes(frame.cones),
             links,
+            masks: if has_masks { view.bytes(frame.prim_masks) } else { HostBytes::NONE },
             frame,
         })
     }
@@ -120,6 +124,18 @@ impl<'v> TraversalScene<'v> {
     pub(crate) fn count_rays(&self, unit: u32, rays: u32) {
         // Missing memory counts nothing.
         self.view.words(self.streaming.unit_rays).add(unit as usize, rays).unwrap_or_default();
+    }
+
+    /// Returns true if rays of the kind whose bit of [`oocpt_abi::PrimMask`] is `passing` pass through a prim
+    /// (`prim_mask`).
+    #[inline(always)]
+    pub(crate) fn lets_pass(&self, passing: u32, instance: &GpuInstance) -> bool {
+        let index = instance.prim_id.wrapping_add(1).cast_unsigned();
+        if !self.has(Features::PRIM_MASKS) || index >= self.frame.mask_count {
+            return false;
+        }
+        let word = self.masks.get::<u32>(index as usize / 4).unwrap_or(0);
+        word >> (8 * (index % 4)) & 0xff & passing != 0
     }
 
     /// Returns true if a prim blocks rays of `category`, which is not 0 (`is_linked`).

@@ -54,6 +54,8 @@ pub(crate) struct WorldRay {
     pub(crate) time: f32,
     /// Category of the prims that block the ray, for any hit; 0: all.
     pub(crate) shadow_link: u32,
+    /// Bit of [`oocpt_abi::PrimMask`] of the prims that the ray passes.
+    pub(crate) passing: u32,
 }
 
 /// The closest hit so far.

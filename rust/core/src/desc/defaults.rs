@@ -4,6 +4,7 @@
 use std::sync::Arc;
 
 use glam::DMat4;
+use oocpt_abi::PrimMask;
 
 use super::{
     InstancerDesc, InstancerMotion, LightDesc, LightKind, MeshDesc, PointsMotion, PrimDesc, PrimShape, ShapingCone,
@@ -52,6 +53,7 @@ impl Default for MeshDesc {
             subsets: Vec::new(),
             categories: Vec::new(),
             label: None,
+            mask: PrimMask::empty(),
         }
     }
 }

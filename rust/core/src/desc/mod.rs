@@ -7,6 +7,7 @@ mod defaults;
 mod dropped;
 mod light;
 mod motion;
+mod prim_mask;
 mod shape;
 mod solid;
 mod subdivision;
@@ -14,6 +15,7 @@ mod subdivision;
 pub use dropped::DroppedData;
 pub use light::{DomeFormat, LightDesc, LightKind, MaterialSync, ShadowReach, ShapingCone};
 pub use motion::{InstancerMotion, InstancerSample, PointsMotion, PointsSample, TransformSample};
+pub use prim_mask::{prim_mask_names, read_prim_mask};
 pub use shape::{CurveBasis, CurveWrap, CurvesDesc, PrimShape};
 pub use solid::{AROUND, SolidDesc, SolidSize};
 pub use subdivision::{BoundaryRule, CreaseRule, FaceVaryingLinear, Subdivision, SubdivisionTags, TriangleRule};
@@ -21,6 +23,7 @@ pub use subdivision::{BoundaryRule, CreaseRule, FaceVaryingLinear, Subdivision, 
 use std::sync::Arc;
 
 use glam::DMat4;
+use oocpt_abi::PrimMask;
 
 use crate::array::TypedArray;
 
@@ -158,6 +161,8 @@ pub struct MeshDesc {
     pub categories: Vec<Arc<str>>,
     /// Label in light path expressions; `None` or empty: none.
     pub label: Option<Arc<str>>,
+    /// The kinds of rays that pass through it, and whether it is a matte.
+    pub mask: PrimMask,
 }
 
 impl MeshDesc {

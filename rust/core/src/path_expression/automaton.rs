@@ -31,6 +31,8 @@ pub struct PathAutomaton {
     pub next: Vec<u32>,
     /// By state: bit i is set if a path that ends there is one of expression i.
     pub accepts: Vec<u32>,
+    /// Bit i is set if nothing is in the way of the light of expression i.
+    pub unoccluded: u32,
     /// Labels by number; the first stands for all that no expression names.
     labels: Vec<Option<Arc<str>>>,
 }
@@ -57,7 +59,9 @@ impl PathAutomaton {
             graph.add_expression(&pattern)?;
         }
         let labels = graph.labels()?;
-        Ok(graph.subsets(labels)?.smallest())
+        let bits = (0..).zip(expressions).map(|(at, expression)| u32::from(expression.is_unoccluded) << at);
+        let unoccluded = bits.fold(0, |all, bit| all | bit);
+        Ok(Self { unoccluded, ..graph.subsets(labels)?.smallest() })
     }
 
     /// The automaton of the first expressions of a list, and how many they are: as many as the limits allow.
@@ -66,7 +70,8 @@ impl PathAutomaton {
         let most = expressions.len().min(MAX_EXPRESSIONS);
         let made = (1..=most).rev().find_map(|count| Some((Self::new(&expressions[..count]).ok()?, count)));
         made.unwrap_or_else(|| {
-            let nothing = Self { start: 0, next: vec![0; PathEvent::ALL.len()], accepts: vec![0], labels: vec![None] };
+            let next = vec![0; PathEvent::ALL.len()];
+            let nothing = Self { start: 0, next, accepts: vec![0], unoccluded: 0, labels: vec![None] };
             (nothing, 0)
         })
     }
@@ -137,7 +142,7 @@ impl PathAutomaton {
             }
             accepts[*of as usize] = self.accepts[state];
         }
-        Self { start: block[self.start as usize], next, accepts, labels: self.labels }
+        Self { start: block[self.start as usize], next, accepts, ..self }
     }
 }
 
@@ -326,6 +331,6 @@ impl PatternGraph {
             let row: Vec<u32> = classes.iter().map(|is_in| number(self.after(&state, is_in), &mut states)).collect();
             next.extend(class.iter().map(|class| row[*class as usize]));
         }
-        Ok(PathAutomaton { start, next, accepts, labels })
+        Ok(PathAutomaton { start, next, accepts, unoccluded: 0, labels })
     }
 }

@@ -108,6 +108,8 @@ pub struct PathExpression {
     pattern: PathPattern,
     /// It distinguishes glossy lobes from sharp ones: `G` occurs.
     names_glossy: bool,
+    /// Nothing is in the way of its light (`unoccluded;`).
+    is_unoccluded: bool,
 }
 
 impl PathExpression {

@@ -2,6 +2,7 @@
 //! The parser of light path expressions: recursive descent, one function a level of the grammar. Pure.
 //!
 //! ```text
+//! whole    = (option ';')* either                     option = 'unoccluded'
 //! either   = sequence ('|' sequence)*
 //! sequence = (unit times*)*
 //! times    = '*' | '+' | '?' | '{' n '}' | '{' n ',' [m] '}'
@@ -48,15 +49,20 @@ pub(super) fn expression(text: &str) -> Result<PathExpression, ExpressionError> 
     if text.len() > MAX_BYTES {
         return Err(reader.error(format!("an expression has at most {MAX_BYTES} bytes")));
     }
-    if let Some((options, _)) = rest.rsplit_once(';') {
-        return Err(reader.error(format!("the options '{options}' of an expression are not supported")));
+    let mut is_unoccluded = false;
+    let (options, rest) = rest.rsplit_once(';').map_or((None, rest), |(options, rest)| (Some(options), rest));
+    for option in options.into_iter().flat_map(|options| options.split(';')) {
+        if option.trim() != "unoccluded" {
+            return Err(reader.error(format!("the option '{}' of an expression is not supported", option.trim())));
+        }
+        (is_unoccluded, reader.before) = (true, reader.before + option.chars().count() + 1);
     }
     let characters: Vec<char> = rest.chars().collect();
     reader.text = &characters;
     let pattern = reader.either(0)?;
     match reader.peek() {
         None if characters.iter().all(|c| c.is_whitespace()) => Err(reader.error("there is no expression".to_owned())),
-        None => Ok(PathExpression { pattern, names_glossy: reader.names_glossy }),
+        None => Ok(PathExpression { pattern, names_glossy: reader.names_glossy, is_unoccluded }),
         Some(c) => Err(reader.error(format!("'{c}' closes nothing"))),
     }
 }

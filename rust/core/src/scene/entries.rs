@@ -135,6 +135,7 @@ fn is_dressed_alike(a: &MeshDesc, b: &MeshDesc) -> bool {
     a.material == b.material
         && a.categories == b.categories
         && a.label == b.label
+        && a.mask == b.mask
         && a.subsets.iter().map(|s| &s.material).eq(b.subsets.iter().map(|s| &s.material))
         && a.primvars.iter().map(|p| &p.name).eq(b.primvars.iter().map(|p| &p.name))
 }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The immutable result of a commit. It is shared between threads by `Arc` and never changes.
 
-use oocpt_abi::{Features, MaterialFlags, NO_NAME};
+use oocpt_abi::{Features, MaterialFlags, NO_NAME, PrimMask};
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
@@ -67,6 +67,8 @@ pub struct SurfaceTables {
     /// Labels in light path expressions by prim id + 1; empty if no prim has one, and may be shorter than the largest
     /// id.
     pub labels: Vec<Option<Arc<str>>>,
+    /// What prims do without, by prim id + 1; empty if none has a bit, and may be shorter than the largest id.
+    pub masks: Vec<PrimMask>,
     /// Primvars that images are wanted of, with the numbers of their names ([`crate::MeshAsset::primvars`]).
     pub shown_primvars: Vec<(Arc<str>, u32)>,
     /// Collections that prims are in, sorted; the first is empty.
@@ -86,6 +88,7 @@ impl SurfaceTables {
         let flags = self.materials.iter().fold(MaterialFlags::empty(), |all, material| all | material.flags);
         let mut features = flags.features();
         features.set(Features::MATERIALS, !self.materials.is_empty());
+        features.set(Features::PRIM_MASKS, !self.masks.is_empty());
         features
     }
 }

@@ -2,7 +2,9 @@
 //! Resolves material bindings of meshes and subsets to the tables of a snapshot, and decides what the meshes have to
 //! build for their materials. A material is compiled once after an edit, and only if a mesh shows it.
 
-use oocpt_abi::{MAX_PRIM_ID, MaterialFlags, MaterialInput, NAME_DISPLAY_COLOR, NAME_DISPLAY_OPACITY, NO_MATERIAL};
+use oocpt_abi::{
+    MAX_PRIM_ID, MaterialFlags, MaterialInput, NAME_DISPLAY_COLOR, NAME_DISPLAY_OPACITY, NO_MATERIAL, PrimMask,
+};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -307,6 +309,9 @@ impl SurfaceStore {
             tables.add(path, entry.desc.prim_id, (record, entry.desc.categories.clone(), slots), reports);
             let of_light = lights.get(path).and_then(|light| light.label.clone());
             tables.set_label(entry.desc.prim_id, of_light.or_else(|| entry.desc.label.clone()));
+            if !tables.set_mask(entry.desc.prim_id, entry.desc.mask) {
+                reports.note(path, "its prim id is out of range: all rays see it, and it is no matte".to_owned());
+            }
         }
         for prim in linked.list() {
             let (Some(slots), Some(entry)) = (linked_slots.get(&prim.path), meshes.get(&prim.path)) else { continue };
@@ -315,6 +320,8 @@ impl SurfaceStore {
             tables.add(&prim.path, prim.prim_id, (record, categories, slots.clone()), reports);
             let of_light = lights.get(&prim.path).and_then(|light| light.label.clone());
             tables.set_label(prim.prim_id, of_light.or_else(|| entry.desc.label.clone()));
+            // Its prim id is one of those that this crate gives, in range.
+            let _is_set = tables.set_mask(prim.prim_id, entry.desc.mask);
         }
         tables
     }
@@ -362,6 +369,20 @@ impl SurfaceTables {
             self.labels.resize(index + 1, None);
         }
         self.labels[index] = Some(label);
+    }
+
+    /// Notes what a prim does without; returns false if its id is out of range.
+    fn set_mask(&mut self, prim_id: i32, mask: PrimMask) -> bool {
+        if mask.is_empty() {
+            return true;
+        }
+        let index = usize::try_from(i64::from(prim_id) + 1).ok().filter(|&index| index <= MAX_PRIM_ID as usize);
+        let Some(index) = index else { return false };
+        if self.masks.len() <= index {
+            self.masks.resize(index + 1, PrimMask::empty());
+        }
+        self.masks[index] = mask;
+        true
     }
 
     /// Adds the bindings of one mesh: its record as far as it is known, its collections, its slots.
@@ -428,11 +449,12 @@ impl SurfaceTables {
     }
 
     /// Clears tables without content: without a material there are no prims, unless some is in a collection. Labels
-    /// stay.
+    /// and masks stay.
     pub(crate) fn trim(&mut self) {
         if self.materials.is_empty() && self.category_sets.len() <= 1 {
-            let labels = std::mem::take(&mut self.labels);
-            *self = Self { labels, shown_primvars: std::mem::take(&mut self.shown_primvars), ..Self::default() };
+            let (labels, masks) = (std::mem::take(&mut self.labels), std::mem::take(&mut self.masks));
+            let shown_primvars = std::mem::take(&mut self.shown_primvars);
+            *self = Self { labels, masks, shown_primvars, ..Self::default() };
         }
     }
 
@@ -445,6 +467,7 @@ impl SurfaceTables {
             && self.material_slots == other.material_slots
             && self.category_sets == other.category_sets
             && self.labels == other.labels
+            && self.masks == other.masks
             && self.shown_primvars == other.shown_primvars
     }
 

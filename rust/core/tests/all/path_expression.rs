@@ -88,7 +88,8 @@ fn errors_say_where_and_what() {
         ("CD{3,2}L", 7, "below the first"),
         ("CD{99}L", 5, "more than 64"),
         ("C<L.'a''b'>", 8, "['a''b']"),
-        ("unoccluded;C<RD>L", 1, "'unoccluded'"),
+        ("shadows;C<RD>L", 1, "'shadows'"),
+        ("unoccluded;C<RD", 16, "'>'"),
         ("*", 1, "'*' is no event"),
     ] {
         let error = PathExpression::parse(text).expect_err(text);

@@ -238,13 +238,14 @@ impl Device {
         if let Some(made) = lock(&self.pipelines).get(&key) {
             return Ok(made);
         }
-        let [low, high] = special.features.constants();
+        let [low, high, top] = special.features.constants();
         let (levels, stack) = ((SPEC_MAX_LEVELS, special.max_levels), (SPEC_STACK_SIZE, special.stack_size));
         let constants = [
             levels,
             stack,
             low,
             high,
+            top,
             #[cfg(feature = "faults")]
             (oocpt_abi::SPEC_FAULT, special.fault),
         ];

@@ -55,6 +55,8 @@ pub(crate) fn upload(
         label_count: automaton.label_count(),
         default_label: automaton.label(None),
         start: automaton.start,
+        unoccluded: automaton.unoccluded,
+        pad: 0,
     };
     buffer.write(0, bytemuck::bytes_of(&of_gpu))?;
     listed.add(NAME, bytes);

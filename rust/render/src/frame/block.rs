@@ -25,6 +25,7 @@ pub(crate) fn frame_block(context: &FrameContext<'_>, scene: &SceneView) -> Fram
     let mut flags = FrameFlags::empty();
     flags.set(FrameFlags::DOME_CAMERA_VISIBLE, lights.background_visible());
     flags.set(FrameFlags::FIRST_HITS, !film.has_light());
+    flags.set(FrameFlags::PARTED_SHADOWS, lights.parts_shadows);
     let exposure = job.request.camera.exposure();
     let part = job.request.part();
     let mut block = FrameConstants {
@@ -72,6 +73,8 @@ pub(crate) fn frame_block(context: &FrameContext<'_>, scene: &SceneView) -> Fram
         programs: scene.programs,
         placed_values: scene.placed_values,
         lighting: context.lighting,
+        prim_masks: context.tables.prim_masks,
+        mask_count: lights.mask_count,
         exposure,
         error_floor: error_floor(exposure),
         ..FrameConstants::zeroed()

@@ -91,7 +91,7 @@ pub(crate) fn has_shadow_rays(context: &FrameContext<'_>) -> bool {
 /// Whether paths keep what lights ask of the surface that a ray left (`HAS_PREVIOUS_VERTICES` of the shaders).
 pub(crate) fn has_light_paths(context: &FrameContext<'_>) -> bool {
     let near = Features::LOCAL_LIGHTS | Features::MESH_LIGHTS;
-    light_features(context).intersects(near | Features::LIGHT_LINKS | Features::LIGHT_LOBES)
+    light_features(context).intersects(near | Features::LIGHT_LINKS | Features::LIGHT_LOBES | Features::PRIM_MASKS)
 }
 
 /// Most bounces of each kind: diffuse, specular, transmission.

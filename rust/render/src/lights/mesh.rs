@@ -17,7 +17,7 @@ use super::{EVEN_SHARE, count, narrow};
 use crate::textures::TextureCache;
 use oocpt_abi::{
     Features, GpuLightKey, GpuLightLeaf, GpuLightMesh, GpuLightNode, GpuLightTriangle, GpuLightValue, GpuMeshLight,
-    NO_INDEX,
+    NO_INDEX, PrimMask,
 };
 use oocpt_core::mesh::{LeafKind, SceneMesh};
 use oocpt_core::partition::PartitionedWorld;
@@ -104,7 +104,7 @@ impl MeshLightCache {
     fn make(&mut self, snapshot: &Snapshot, images: Option<&TextureCache>) -> Option<MeshLights> {
         let materials = self.maps.powers(snapshot, images);
         let emission: Vec<Option<PrimEmission>> = (-1..i64::try_from(snapshot.surfaces.prims.len()).unwrap_or(0) - 1)
-            .map(|id| PrimEmission::of_prim(snapshot, id, &materials))
+            .map(|id| is_seen_alike(snapshot, id).then(|| PrimEmission::of_prim(snapshot, id, &materials))?)
             .collect();
         let of_prim = |id: i32| emission.get(usize::try_from(i64::from(id) + 1).ok()?)?.as_ref();
         let MeshPlacements { all: mut placements, mut is_complete, leaves_out_deforming } =
@@ -148,6 +148,13 @@ impl MeshLightCache {
             )
         }))
     }
+}
+
+/// Returns true if all rays that leave surfaces see a prim. Else shadow rays would find its light for those that do
+/// not, too.
+fn is_seen_alike(snapshot: &Snapshot, prim_id: i64) -> bool {
+    let mask = usize::try_from(prim_id + 1).ok().and_then(|index| snapshot.surfaces.masks.get(index));
+    mask.is_none_or(|mask| !mask.intersects(PrimMask::INDIRECT))
 }
 
 /// The emitter of a mesh; `None` if nothing emits, or its asset cannot be loaded.

@@ -9,7 +9,7 @@ use super::{EVEN_SHARE, MeshLights, count, local, luminance, narrow};
 use crate::job::light_files::LightFiles;
 use oocpt_abi::{
     Features, GpuInfiniteLight, GpuLightKey, GpuLightKind, GpuLightNode, GpuLightShaping, GpuLocalLight, LightFlags,
-    LightTablePointers, NO_INDEX,
+    LightTablePointers, NO_INDEX, PrimMask,
 };
 use oocpt_core::scene::{AssetRef, DomeFormat, DomeTexture, IesProfile, Light, LightEmitter, LocalLight, Snapshot};
 use rustc_hash::FxHashMap;
@@ -44,6 +44,9 @@ pub(crate) struct LightTable {
     pub(crate) link_words: u32,
     /// Set of categories of each prim id + 1, then the prim id that is shown for each.
     pub(crate) prim_sets: Vec<u32>,
+    /// Masks of prims by prim id + 1, four in a word, and their number.
+    pub(crate) prim_masks: Vec<u32>,
+    pub(crate) mask_count: u32,
     /// Keys of the lights that move.
     pub(crate) keys: Vec<GpuLightKey>,
     /// First key and number of keys of each local light; empty if none moves, as the next is.
@@ -54,6 +57,8 @@ pub(crate) struct LightTable {
     pub(crate) local_reaches: Vec<[f32; 4]>,
     /// The reach of the shadows of each light at infinity.
     pub(crate) infinite_reaches: Vec<[f32; 4]>,
+    /// Whether some prim is in the way of shadow rays and not of other rays, or the other way round.
+    pub(crate) parts_shadows: bool,
     /// Label of each local light in light path expressions.
     pub(crate) local_labels: Vec<Option<Arc<str>>>,
     /// Label of each light at infinity.
@@ -150,6 +155,7 @@ impl LightTable {
             table.nodes = tree::build(&table.bounds);
         }
         table.take_links(snapshot);
+        table.take_masks(snapshot);
         table.features = table.find_features();
         reading.cache.forget_unused();
         reading.warnings.sort();
@@ -170,6 +176,18 @@ impl LightTable {
         self.link_words = u32::try_from(snapshot.links.words()).unwrap_or(u32::MAX);
         let shown = (-1..).zip(&surfaces.prims).map(|(id, prim)| prim.shown_as.unwrap_or(id).cast_unsigned());
         self.prim_sets = surfaces.prims.iter().map(|prim| prim.category_set).chain(shown).collect();
+    }
+
+    /// Takes what prims do without, which lights and rays read.
+    fn take_masks(&mut self, snapshot: &Snapshot) {
+        let masks = &snapshot.surfaces.masks;
+        let word = |four: &[PrimMask]| {
+            let bytes = (0..).step_by(8).zip(four).map(|(at, mask)| (mask.bits() & 0xff) << at);
+            bytes.fold(0, |word, byte| word | byte)
+        };
+        self.prim_masks = masks.chunks(4).map(word).collect();
+        self.mask_count = u32::try_from(masks.len()).unwrap_or_default();
+        self.parts_shadows = masks.iter().any(|mask| mask.parts_shadows());
     }
 
     /// Adds the meshes that emit light, beside the local lights.
@@ -226,6 +244,7 @@ impl LightTable {
         features.set(Features::IES, !self.profiles.is_empty());
         features.set(Features::LIGHT_TEXTURE, self.locals.iter().any(|light| light.map != NO_INDEX));
         features.set(Features::LIGHT_LINKS, !self.link_bits.is_empty());
+        features.set(Features::PRIM_MASKS, !self.prim_masks.is_empty());
         features.set(Features::MOVING_LIGHTS, !self.keys.is_empty());
         let ends = !self.local_reaches.is_empty() || !self.infinite_reaches.is_empty();
         features.set(Features::SHADOW_REACH, ends);

@@ -83,13 +83,15 @@ pub(crate) struct LightTables {
     tables: Vec<HeapRange>,
     /// Address of the [`LightTablePointers`]; 0 before the first [`Self::sync`].
     pub(crate) lighting: u64,
+    /// Address of the masks of prims; 0 without any.
+    pub(crate) prim_masks: u64,
 }
 
 impl LightTables {
     /// Makes the device hold what `lights` need, and nothing else.
     pub(crate) fn sync(&mut self, device: &Device, lights: &LightTable) -> Result<(), RenderError> {
         self.tables.clear();
-        self.lighting = 0;
+        (self.lighting, self.prim_masks) = (0, 0);
         self.pictures.retain(|have| lights.maps.iter().any(|map| Arc::ptr_eq(&map.picture, &have.picture)));
         let ring = device.loader()?.ring();
         let mut writer = AssetCopier::new(&device.gpu, ring);
@@ -126,6 +128,7 @@ impl LightTables {
             infinite_reaches: put("reach of shadows at infinity", bytemuck::cast_slice(&lights.infinite_reaches))?,
             ..meshes.with(lights.block())
         };
+        let prim_masks = put("masks of prims", bytemuck::cast_slice(&lights.prim_masks))?;
         let lighting = put("lighting", bytemuck::bytes_of(&block))?;
         let copies = writer.finish()?.submissions;
         for copy in &copies {
@@ -133,7 +136,7 @@ impl LightTables {
                 return Err(RenderError::Internal("writing the lights did not finish".into()));
             }
         }
-        self.lighting = lighting;
+        (self.lighting, self.prim_masks) = (lighting, prim_masks);
         Ok(())
     }
 

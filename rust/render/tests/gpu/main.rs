@@ -38,6 +38,7 @@ mod native_traversal;
 mod passes;
 mod path_expressions;
 mod pixel_filter;
+mod prim_masks;
 mod ranked_ids;
 mod refitted;
 mod sample_counts;

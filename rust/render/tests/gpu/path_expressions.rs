@@ -431,3 +431,58 @@ fn too_many_expressions_are_left_out_with_a_warning() {
     assert!(image(&session, &view, "C.{1}L").iter().any(|c| c[0] > 0.0), "the others are there");
     assert!(!session.read_aov(part("C.{33}L"), &mut [0; 12]), "it is not there");
 }
+
+/// A floor with a roof over it or without, in the light of each kind of light; what is seen of it with this expression.
+fn below_a_roof(text: &str, roof: bool, streams: bool, light: &dyn Fn(&mut SceneDb)) -> (Vec<[f32; 3]>, Session) {
+    let view = color_request(orthographic(DVec3::new(0.0, 5.0, 5.0), DVec3::ZERO, 0.01, [8, 8]));
+    let view = asking(&view, &[text]);
+    let session = session_of(settings(256, 1), streams, |db| {
+        db.upsert_mesh(square(prim("/floor", DMat4::from_scale(DVec3::splat(0.1))), 1, 0.5));
+        if roof {
+            let place = DMat4::from_translation(DVec3::Y * 3.0) * DMat4::from_scale(DVec3::new(9.0, 1.0, 2.0));
+            db.upsert_mesh(square(prim("/roof", place), 2, 0.0));
+        }
+        light(db);
+    });
+    render(&session, &view);
+    (image(&session, &view, text), session)
+}
+
+/// Light without what is in its way is that of the scene without it, whatever finds it; where nothing is in the way it
+/// is the light itself.
+#[test]
+fn unoccluded_light_is_that_without_the_occluder() {
+    let lamp = |db: &mut SceneDb| {
+        let kind = LightKind::Sphere { radius: 0.7, treat_as_point: false };
+        let place = DMat4::from_translation(DVec3::Y * 4.0);
+        db.upsert_light(LightDesc { prim: prim("/lamp", place), kind, color: [5.0; 3], ..dome([1.0; 3]) });
+    };
+    let glowing = |db: &mut SceneDb| {
+        let ball = sphere(prim("/ball", DMat4::from_translation(DVec3::Y * 4.5)), 3, 6, 0.0);
+        db.upsert_mesh(MeshDesc { material: Some("/glow".into()), ..ball });
+        db.upsert_material(glow("/glow", [5.0; 3]));
+    };
+    let down = DMat4::from_rotation_x(-PI / 2.0);
+    let kinds: [(&str, &dyn Fn(&mut SceneDb)); 4] = [
+        ("a lamp", &lamp),
+        ("a sun of one direction", &|db| db.upsert_light(sun(1.0, 0.0, down))),
+        ("a wide sun", &|db| db.upsert_light(sun(1.0, 30.0, down))),
+        ("the sky", &|db| db.upsert_light(LightDesc { camera_visible: false, ..dome([0.5; 3]) })),
+    ];
+    let mean = |image: &[[f32; 3]]| image.iter().map(|c| f64::from(c[0])).sum::<f64>() / image.len() as f64;
+    for (what, light) in kinds {
+        let shown = |text: &str, roof: bool| mean(&below_a_roof(text, roof, false, light).0);
+        let (open, covered) = (shown("C<RD>[LO]", false), shown("C<RD>[LO]", true));
+        assert!(open > 0.05 && covered < 0.9 * open, "{what}: the roof is in the way, {covered} of {open}");
+        for roof in [false, true] {
+            let given = shown("unoccluded;C<RD>[LO]", roof);
+            assert!((given / open - 1.0).abs() < 0.03, "{what}, roof {roof}: {given}, not {open}");
+        }
+    }
+    for roof in [false, true] {
+        let [with, without] = ["C.*", "unoccluded;C.*"].map(|text| below_a_roof(text, roof, false, &glowing).0);
+        assert!(with == without, "a mesh that emits keeps its shadows, roof {roof}");
+    }
+    let both = [false, true].map(|streams| below_a_roof("unoccluded;C.*L", true, streams, &lamp).0);
+    assert!(both[0] == both[1], "the same bits while streaming");
+}

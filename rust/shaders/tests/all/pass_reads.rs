@@ -19,16 +19,16 @@ const PASSES: [&str; 6] = [
 
 /// The module at `folder` with these features, levels and stack entries.
 fn folded(module: &ShaderModule, folder: &Path, features: Features, levels: u32, stack: u32) -> Vec<u8> {
-    let [(low, low_bits), (high, high_bits)] = features.constants();
+    let words = features.constants();
     let from = folder.join(format!("{}.spv", module.name));
     let to = folder.join("folded.spv");
     let bytes: Vec<u8> = module.words.iter().flat_map(|word| word.to_le_bytes()).collect();
     std::fs::write(&from, bytes).expect("written");
-    let values = [(low, low_bits), (high, high_bits), (SPEC_MAX_LEVELS, levels), (SPEC_STACK_SIZE, stack)];
+    let values = words.into_iter().chain([(SPEC_MAX_LEVELS, levels), (SPEC_STACK_SIZE, stack)]);
     // Only constants that the module declares may be set.
     let declared = |id: &u32| module.features != Features::empty() || *id == SPEC_MAX_LEVELS || *id == SPEC_STACK_SIZE;
     let values: Vec<String> =
-        values.iter().filter(|(id, _)| declared(id)).map(|(id, value)| format!("{id}:{value}")).collect();
+        values.filter(|(id, _)| declared(id)).map(|(id, value)| format!("{id}:{value}")).collect();
     let status = Command::new("spirv-opt")
         .args(["--target-env=vulkan1.2", &format!("--set-spec-const-default-value={}", values.join(" "))])
         .args(PASSES)

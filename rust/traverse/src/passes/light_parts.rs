@@ -3,7 +3,7 @@
 
 use crate::scene::TraversalScene;
 use crate::vector::V3;
-use oocpt_abi::{Features, GpuPathAutomaton, GpuPathStates};
+use oocpt_abi::{Features, GpuPathAutomaton, GpuPathStates, STATES_OF_ALL};
 use oocpt_gpu::{HostBytes, HostWords};
 
 /// Where shadow rays add what they bring to the parts of light.
@@ -12,6 +12,8 @@ pub(super) struct LightParts<'v> {
     states: HostBytes<'v>,
     values: HostWords<'v>,
     stride: usize,
+    /// The expressions that count what is in the way.
+    occluded: u32,
 }
 
 impl<'v> LightParts<'v> {
@@ -24,17 +26,20 @@ impl<'v> LightParts<'v> {
             states: view.bytes(frame.shadow_states),
             values: view.words(frame.light_values),
             stride: frame.light_stride as usize,
+            occluded: !automaton.unoccluded,
         })
     }
 
     /// Adds what the shadow ray of a path brings.
     pub(super) fn add(&self, path: u32, light: V3) {
-        let Some(states) = self.states.item::<GpuPathStates>(path) else { return };
+        let Some(mut states) = self.states.item::<GpuPathStates>(path) else { return };
+        let counted = if states.states[0] & STATES_OF_ALL == 0 { self.occluded } else { u32::MAX };
+        states.states[0] &= !STATES_OF_ALL;
         let first = path as usize * self.stride;
         for (channel, light) in light.0.into_iter().enumerate() {
             let state = states.states[channel];
             let [diffuse, other] =
-                [state & 0xffff, state >> 16].map(|state| self.accepts.item::<u32>(state).unwrap_or(0));
+                [state & 0xffff, state >> 16].map(|state| self.accepts.item::<u32>(state).unwrap_or(0) & counted);
             let part = light * states.share[channel];
             let rest = light - part;
             let mut left = diffuse | other;

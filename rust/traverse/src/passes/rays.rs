@@ -5,7 +5,10 @@ use super::light_parts::LightParts;
 use super::{PassContext, QueuePushes, RAY_WORDS, RAYS_AT_ONCE, SHADOW_WORDS};
 use crate::simd::Simd;
 use crate::walk::{ClosestHit, MAX_NESTING, RayTraversal, WorldRay};
-use oocpt_abi::{Features, PathProgress, RAY_WORD_BOUNCE, RAY_WORD_FLAGS, RayFlags, SHADOW_BIT, unpack_shadow_bounce};
+use oocpt_abi::{
+    Features, PathProgress, PrimMask, RAY_WORD_BOUNCE, RAY_WORD_FLAGS, RayFlags, SHADOW_BIT, unpack_ray_bounce,
+    unpack_shadow_bounce,
+};
 use oocpt_gpu::{HostBytes, HostWords};
 use pulp::NullaryFnOnce;
 use std::ops::Range;
@@ -115,9 +118,13 @@ impl<'s, 'v> QueuedRays<'s, 'v, false> for ClosestRays<'_, 's, 'v> {
             if ray.flags & RayFlags::HIT.bits() != 0 {
                 walk.found = load_hit(*hits, path as usize * shared.hit_words(), shared.scene.special.levels());
             }
-            let bounce = shared.rays.load(at + RAY_WORD_BOUNCE as usize);
+            let word = shared.rays.load(at + RAY_WORD_BOUNCE as usize);
+            let (bounce, passing) = match shared.scene.has(Features::PRIM_MASKS) {
+                true => unpack_ray_bounce(word),
+                false => (word, 0),
+            };
             let seed = shared.scene.opacity_seed(path, bounce.wrapping_mul(2));
-            shared.begin(simd, walk, path, WorldRay { path, seed, time: shared.scene.path_time(path), ..ray });
+            shared.begin(simd, walk, path, WorldRay { path, seed, time: shared.scene.path_time(path), passing, ..ray });
         }
         Some(BegunRay { path, is_ended })
     }
@@ -184,12 +191,8 @@ impl<'s, 'v> QueuedRays<'s, 'v, true> for ShadowRays<'_, 's, 'v> {
                 false => (linked, 0),
             };
             let seed = shared.scene.opacity_seed(path, bounce.wrapping_mul(2).wrapping_add(1));
-            shared.begin(
-                simd,
-                walk,
-                path,
-                WorldRay { path, seed, time: shared.scene.path_time(path), shadow_link, ..ray },
-            );
+            let (time, passing) = (shared.scene.path_time(path), PrimMask::NO_SHADOW.bits());
+            shared.begin(simd, walk, path, WorldRay { path, seed, time, shadow_link, passing, ..ray });
         }
         Some(BegunRay { path, is_ended })
     }

@@ -117,6 +117,9 @@ impl<const ANY_HIT: bool> RayTraversal<'_, '_, ANY_HIT> {
         {
             return false;
         }
+        if !nested && self.scene.lets_pass(self.world.passing, &instance) {
+            return false;
+        }
         let no_level = nested && self.level >= self.scene.special.levels();
         if no_level {
             self.stack.overflowed = true;

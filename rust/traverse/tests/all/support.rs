@@ -148,8 +148,8 @@ impl World {
         if !gpu.has_host_memory() {
             return None;
         }
-        let [low, high] = features.constants();
-        let constants = [(SPEC_MAX_LEVELS, 1), (SPEC_STACK_SIZE, stack_size), low, high];
+        let [low, high, top] = features.constants();
+        let constants = [(SPEC_MAX_LEVELS, 1), (SPEC_STACK_SIZE, stack_size), low, high, top];
         let passes = [Pass::IntersectClosest, Pass::IntersectShadow].map(|pass| {
             let module = pass.info().module;
             Pipeline::new(&gpu, module.name, module.words, &constants, 32).expect("the pass compiles")

@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Material bindings: meshes, subsets, primvars that materials read, and edits of them.
 
-use oocpt_abi::{AttributeRate, Features, NO_MATERIAL};
+use oocpt_abi::{AttributeRate, Features, NO_MATERIAL, PrimMask};
 use std::sync::Arc;
 
 use oocpt_core::mesh::split_mesh;
+use oocpt_core::scene::InstanceLinks;
 use oocpt_core::{
-    AnyAttribute, DroppedData, Interpolation, MaterialDesc, MeshAsset, MeshDesc, NamedPrimvar, ParamValue, Primvar,
-    SceneDb, Snapshot, SubsetDesc, TypedArray,
+    AnyAttribute, DroppedData, InstancerDesc, Interpolation, LightDesc, MaterialDesc, MeshAsset, MeshDesc,
+    NamedPrimvar, ParamValue, Primvar, SceneDb, Snapshot, SubsetDesc, TypedArray,
 };
 
 use crate::material::preview_surface::{file, network, node, surface, text};
@@ -302,4 +303,44 @@ fn prototypes_have_materials_and_collections() {
     let set = snapshot.surfaces.prims[10].category_set as usize;
     let names: Vec<&str> = snapshot.surfaces.category_sets[set].iter().map(|name| &**name).collect();
     assert_eq!(names, ["a", "b"]);
+}
+
+#[test]
+fn masks_are_by_prim_id_and_an_edit_of_one_builds_no_mesh() {
+    let mut db = SceneDb::new();
+    let mesh = quads("/a", 4);
+    let masked = |mask| MeshDesc { mask, ..mesh.clone() };
+    db.upsert_mesh(masked(PrimMask::NO_CAMERA));
+    let before = committed(&mut db);
+    assert_eq!(before.surfaces.masks, [vec![PrimMask::empty(); 5], vec![PrimMask::NO_CAMERA]].concat());
+    assert!(before.features.contains(Features::PRIM_MASKS) && before.surfaces.prims.is_empty(), "nothing else of it");
+    db.upsert_mesh(masked(PrimMask::NO_CAMERA));
+    assert!(!db.commit().changed, "the same again is no edit");
+    db.upsert_mesh(masked(PrimMask::MATTE));
+    let after = committed(&mut db);
+    assert_eq!(after.surfaces.masks[5], PrimMask::MATTE);
+    assert!(Arc::ptr_eq(&before.meshes[0], &after.meshes[0]), "no mesh is built");
+    db.upsert_mesh(mesh.clone());
+    let plain = committed(&mut db);
+    assert!(plain.surfaces.masks.is_empty() && !plain.features.contains(Features::PRIM_MASKS), "none is left");
+    db.upsert_mesh(MeshDesc { prim_id: i32::MAX, ..masked(PrimMask::MATTE) });
+    let commit = db.commit();
+    assert!(commit.snapshot.surfaces.masks.is_empty(), "no table of two thousand million");
+    assert!(commit.warnings.iter().any(|w| w.message.contains("all rays see it")), "{:?}", commit.warnings);
+}
+
+/// Below instances in collections of their own a prim has another id, and the same mask.
+#[test]
+fn masks_of_linked_instances_are_those_of_the_prim() {
+    let mut db = SceneDb::new();
+    let mut leaf = MeshDesc { mask: PrimMask::NO_SHADOW, ..quads("/i/p/leaf", 2) };
+    leaf.prim.instanced_by = vec![by("/i", "/i/p")];
+    db.upsert_mesh(leaf);
+    let links = InstanceLinks { sets: vec![vec!["near".into()], Vec::new()], of: Some(vec![0, 1]) };
+    let instancer = scatter("/i", &[[0.0; 3], [5.0, 0.0, 0.0]], &[("/i/p", &[0, 1])]);
+    db.upsert_instancer(InstancerDesc { links: Arc::new(links), ..instancer });
+    db.upsert_light(LightDesc { light_link: Some("near".into()), ..LightDesc::default() });
+    let surfaces = &committed(&mut db).surfaces;
+    let other = surfaces.prims.iter().position(|record| record.shown_as == Some(2)).expect("another id");
+    assert_eq!((surfaces.masks[3], surfaces.masks[other]), (PrimMask::NO_SHADOW, PrimMask::NO_SHADOW));
 }

@@ -204,7 +204,8 @@ mod tests {
         let part = AovKind::from_token("lpe:C<RD>L").expect("an expression");
         assert_eq!([kind("C<RD> L", "lpe"), kind("color lpe:C<RD>L", "raw")], [Ok(part), Ok(part)], "not all light");
         assert!(kind("C<RD", "lpe").is_err_and(|text| text.contains("C<RD: character 5")), "no expression");
-        assert!(kind("unoccluded;C<RD>L", "lpe").is_err_and(|text| text.contains("unoccluded")), "an option");
+        assert!(kind("shadows;C<RD>L", "lpe").is_err_and(|text| text.contains("shadows")), "an option");
+        assert!(kind("unoccluded;C<RD>L", "lpe").is_ok(), "one that there is");
         assert!(kind("color", "sparkle").is_err());
     }
 

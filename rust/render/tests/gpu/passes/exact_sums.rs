@@ -54,8 +54,8 @@ fn sums(gpu: &Arc<Gpu>, samples: &[[f32; 4]], waves: &[u32]) -> Vec<ExactPixel> 
         ..FrameConstants::zeroed()
     };
     block.write(0, bytemuck::bytes_of(&frame)).expect("mapped");
-    let [low, high] = Features::empty().constants();
-    let spec = [(0, 1), (1, 64), low, high];
+    let [low, high, top] = Features::empty().constants();
+    let spec = [(0, 1), (1, 64), low, high, top];
     let module = &passes::SUM_EXACT;
     let pipeline = Pipeline::new(gpu, module.name, &module.specialised(&spec), &spec, 32).expect("it compiles");
     let mut commands = gpu.commands("sums").expect("a list");

@@ -258,8 +258,8 @@ impl<'a> Tracer<'a> {
         push: PushConstants,
         launch: Launch,
     ) {
-        let [low, high] = self.features.constants();
-        let spec = [(0, LEVELS), (1, STACK), low, high, (abi::SPEC_FAULT, self.fault)];
+        let [low, high, top] = self.features.constants();
+        let spec = [(0, LEVELS), (1, STACK), low, high, top, (abi::SPEC_FAULT, self.fault)];
         let pipeline = self.pipelines.entry(module.name).or_insert_with(|| {
             Pipeline::new(&self.gpu, module.name, &module.specialised(&spec), &spec, 32).expect("the pass compiles")
         });

@@ -120,8 +120,8 @@ impl Waiting {
             ..FrameConstants::zeroed()
         };
         let push = PushConstants::wave(upload(bytemuck::bytes_of(&frame)), 0, 0, PIXELS);
-        let [low, high] = (Features::STREAMING | Features::ROULETTE).constants();
-        let spec = [(0, 2), (1, 64), low, high];
+        let [low, high, top] = (Features::STREAMING | Features::ROULETTE).constants();
+        let spec = [(0, 2), (1, 64), low, high, top];
         let pipeline = Pipeline::new(gpu, module.name, &module.specialised(&spec), &spec, 32).expect("it compiles");
         let mut commands = gpu.commands("roulette").expect("a list");
         commands.fill(&worth, 0, worth.size(), 0);

@@ -5,6 +5,7 @@ use super::super::scenes::{bare, nested, placed, turning};
 use super::{Also, BARE, OF_PARTS, Row};
 use crate::materials::{coordinates, with};
 use crate::scenes::{constant, deforming};
+use oocpt_abi::PrimMask;
 use oocpt_core::TypedArray;
 use oocpt_core::scene::{Interpolation, MeshDesc, NamedPrimvar, PrimShape, SceneDb, Subdivision};
 
@@ -183,6 +184,13 @@ pub(crate) const ROWS: &[Row] = &[
         features: &["PIXEL_FILTER"],
         buffers: &[&["pixel filter"]],
         also: Also::Filter,
+        ..BARE
+    },
+    Row {
+        what: "a prim that the camera does not see",
+        build: |db| db.upsert_mesh(MeshDesc { mask: PrimMask::NO_CAMERA, ..bare("/board") }),
+        features: &["PRIM_MASKS"],
+        buffers: &[&["masks of prims", "light_paths"]],
         ..BARE
     },
     Row { what: "nesting", build: nested, features: &["INSTANCING"], ..BARE },

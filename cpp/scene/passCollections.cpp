@@ -1,0 +1,136 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "scene/passCollections.h"
+
+#include "pxr/base/tf/errorMark.h"
+#include "pxr/usd/sdf/predicateLibrary.h"
+#include "scene/dataSource.h"
+#include "scene/links.h"
+#include "scene/tokens.h"
+
+#include <algorithm>
+#include <string>
+#include <utility>
+
+PXR_NAMESPACE_OPEN_SCOPE
+
+namespace {
+
+enum _Place
+{
+    _Prune,
+    _RenderVisibility,
+    _CameraVisibility,
+    _Matte
+};
+
+const SdfPath& _PathOfPath(const SdfPath& path)
+{
+    return path;
+}
+
+bool _Holds(const SdfPathExpressionEval<const SdfPath&>& eval, const SdfPath& path)
+{
+    return static_cast<bool>(eval.Match(path, _PathOfPath));
+}
+
+} // namespace
+
+std::optional<HdOocPTPassCollections::_Collection> HdOocPTPassCollections::_ReadCollection(
+    const HdContainerDataSourceHandle& pass, const TfToken& name, HdOocPTWarnings* warnings) const
+{
+    const auto& tokens = *HdOocPTSceneTokens;
+    const VtValue value = HdOocPTRead(pass, { tokens.collections, name, tokens.membershipExpression });
+    if (!value.IsHolding<SdfPathExpression>()) {
+        return std::nullopt;
+    }
+    const SdfPathExpression& expression = value.UncheckedGet<SdfPathExpression>();
+    // Predicates test more than paths; without a library of them they do not compile.
+    TfErrorMark mark;
+    _Collection collection { expression, SdfMakePathExpressionEval(expression, SdfPredicateLibrary<const SdfPath&>()) };
+    const bool isUsable = mark.IsClean() && expression.IsComplete() && (collection.eval || expression.IsEmpty());
+    mark.Clear();
+    if (!isUsable) {
+        warnings->Add(_pass,
+            "its collection " + name.GetString() + " uses more than paths (" + expression.GetText()
+                + "), which is not supported yet; it is left out");
+        return std::nullopt;
+    }
+    return collection;
+}
+
+bool HdOocPTPassCollections::Read(const HdSceneIndexBase& scene, HdOocPTWarnings* warnings)
+{
+    const auto& tokens = *HdOocPTPassTokens;
+    const HdSceneIndexPrim root = scene.GetPrim(SdfPath::AbsoluteRootPath());
+    const SdfPath pass = HdOocPTRead(root.dataSource, { HdOocPTSceneTokens->sceneGlobals, tokens.activeRenderPassPrim })
+                             .GetWithDefault<SdfPath>();
+    const bool isNew = pass != _pass;
+    _pass = pass;
+    std::array<std::optional<_Collection>, 4> read;
+    if (!pass.IsEmpty()) {
+        const HdContainerDataSourceHandle container = scene.GetPrim(pass).dataSource;
+        if (isNew && !HdOocPTFind(container, { HdOocPTSceneTokens->collections })) {
+            warnings->Add(pass,
+                "this render pass is not handed over by the host, at least not its collections: nothing is pruned,"
+                " hidden or a matte by it");
+        }
+        const TfToken names[] = { tokens.prune, tokens.renderVisibility, tokens.cameraVisibility, tokens.matte };
+        std::transform(std::begin(names), std::end(names), read.begin(),
+            [&](const TfToken& name) { return _ReadCollection(container, name, warnings); });
+    }
+    const bool isSame = std::equal(read.begin(), read.end(), _collections.begin(),
+        [](const std::optional<_Collection>& a, const std::optional<_Collection>& b) {
+            return a.has_value() == b.has_value() && (!a || a->expression == b->expression);
+        });
+    if (!isSame) {
+        _collections = std::move(read);
+    }
+    return !isSame;
+}
+
+bool HdOocPTPassCollections::IsActive() const
+{
+    return std::any_of(
+        _collections.begin(), _collections.end(), [](const auto& collection) { return collection.has_value(); });
+}
+
+HdOocPTPassMarks HdOocPTPassCollections::_Match(const SdfPath& path) const
+{
+    const auto holds = [&](_Place place, const SdfPath& tested, bool otherwise) {
+        const std::optional<_Collection>& collection = _collections[place];
+        return collection ? _Holds(collection->eval, tested) : otherwise;
+    };
+    HdOocPTPassMarks marks;
+    // What is below a pruned prim is pruned with it.
+    for (SdfPath above = path; !above.IsEmpty() && !above.IsAbsoluteRootPath(); above = above.GetParentPath()) {
+        marks.isLeftOut = marks.isLeftOut || holds(_Prune, above, false);
+    }
+    marks.isLeftOut = marks.isLeftOut || !holds(_RenderVisibility, path, true);
+    marks.isHiddenFromCamera = !holds(_CameraVisibility, path, true);
+    marks.isMatte = holds(_Matte, path, false);
+    return marks;
+}
+
+HdOocPTPassMarks HdOocPTPassCollections::Find(
+    const HdSceneIndexBase& scene, const SdfPath& path, const HdOocPTPrimState& prim, HdOocPTWarnings* warnings) const
+{
+    if (!IsActive()) {
+        return {};
+    }
+    const SdfPathVector paths = HdOocPTFindStagePaths(scene, path, prim.instancedBy);
+    HdOocPTPassMarks first;
+    for (size_t i = 0; i < paths.size(); ++i) {
+        const HdOocPTPassMarks marks = _Match(paths[i]);
+        if (i == 0) {
+            first = marks;
+        } else if (!(marks == first)) {
+            warnings->Add(_pass,
+                "its collections differ for " + paths[0].GetString() + " and " + paths[i].GetString()
+                    + ", which are instances of one prototype: those of the first count for both");
+            break;
+        }
+    }
+    return first;
+}
+
+PXR_NAMESPACE_CLOSE_SCOPE
