@@ -21,7 +21,7 @@ use oocpt_core::scene::Snapshot;
 use oocpt_core::settings::Settings;
 use oocpt_gpu::HeapRange;
 use rustc_hash::{FxHashMap, FxHashSet};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
 /// Bytes of assets that may be in transit at the same time while everything is loaded.
@@ -92,6 +92,8 @@ pub(crate) struct DeviceScene {
     entries: TableEntries,
     /// True if the tables are those of a scene in core.
     is_in_core: bool,
+    /// Of a scene in core: see [`Self::stack_entries`].
+    stack: OnceLock<u32>,
     /// Where held chunks that moved were, by shape: chunks of the scene before that are still on the device.
     before: FxHashMap<u64, AssetKey>,
     /// True until its chunks that are measured late have been.
@@ -167,6 +169,7 @@ impl SceneCache {
                     tables: None,
                     entries: TableEntries::default(),
                     is_in_core: false,
+                    stack: OnceLock::new(),
                     before,
                     is_new: true,
                     maps_tiles: false,
@@ -337,7 +340,7 @@ impl DeviceScene {
         timings.upload_secs += started.elapsed().as_secs_f64();
         let started = Instant::now();
         self.show_all(device)?;
-        self.is_in_core = true;
+        (self.is_in_core, self.stack) = (true, OnceLock::new());
         timings.build_secs += started.elapsed().as_secs_f64();
         Ok(true)
     }
@@ -428,6 +431,13 @@ impl DeviceScene {
 
     /// Stack entries that the resident chunks need below the top level.
     pub(crate) fn stack_entries(&self) -> u32 {
+        match self.is_in_core {
+            true => *self.stack.get_or_init(|| self.find_stack_entries()),
+            false => self.find_stack_entries(),
+        }
+    }
+
+    fn find_stack_entries(&self) -> u32 {
         let own = |asset: AssetId| {
             let key = self.assets.key(asset);
             key.and_then(|key| self.store.reached(&key)).map_or(0, |resident| resident.stack)

@@ -17,6 +17,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Elements compared at a time.
 const BLOCK: usize = 1 << 12;
+/// Listed elements that a thread reads at a time.
+const LISTED: usize = 1 << 10;
 /// An array of which more than one element in so many changed is sent whole.
 const FEW: usize = 8;
 /// Bytes that a thread sends at a time.
@@ -229,15 +231,19 @@ impl ScatteredWords {
 
 /// Number and words of those of the elements `numbers` that differ.
 fn among(numbers: &[usize], old: &[u8], new: &[u8], size: usize) -> Vec<u32> {
-    let mut entries = Vec::with_capacity(numbers.len() * (size / 4 + 1));
-    for &number in numbers {
-        let [old, new] = [old, new].map(|bytes| bytes.get(number * size..(number + 1) * size));
-        if let Some(new) = new.filter(|_| old != new) {
-            entries.push(u32::try_from(number).unwrap_or(u32::MAX));
-            entries.extend(new.chunks_exact(4).map(bytemuck::pod_read_unaligned::<u32>));
+    let of_some = |numbers: &[usize]| {
+        let mut entries = Vec::with_capacity(numbers.len() * (size / 4 + 1));
+        for &number in numbers {
+            let [old, new] = [old, new].map(|bytes| bytes.get(number * size..(number + 1) * size));
+            if let Some(new) = new.filter(|_| old != new) {
+                entries.push(u32::try_from(number).unwrap_or(u32::MAX));
+                entries.extend(new.chunks_exact(4).map(bytemuck::pod_read_unaligned::<u32>));
+            }
         }
-    }
-    entries
+        entries
+    };
+    // They are far apart in memory: a thread waits for each.
+    numbers.par_chunks(LISTED).map(of_some).collect::<Vec<_>>().concat()
 }
 
 /// Number and words of each element of `size` bytes, a multiple of 4, that differs; `None` if these are many.

@@ -197,7 +197,9 @@ impl PathSource for WaveSource<'_> {
         self.kind = kind;
         self.schedule = match kind {
             PathKind::Aovs => {
-                WaveSchedule::new(context.job.request.pixels(), first.min(FIRST_PIXELS), paths.capacity, PIXELS_SECS)
+                // A first hit takes less than a path.
+                let first = if context.pace.is_some() { first } else { first.min(FIRST_PIXELS) };
+                WaveSchedule::new(context.job.request.pixels(), first, paths.capacity, PIXELS_SECS)
             }
             PathKind::Samples => WaveSchedule::new(progress.total_paths(), first, paths.capacity, wave_secs),
         };

@@ -19,13 +19,17 @@ pub(crate) fn error_floor(exposure: f32) -> f32 {
     (1e-2 / (exposure * exposure)).clamp(1e-30, 1e30)
 }
 
+fn flags(context: &FrameContext<'_>) -> FrameFlags {
+    let mut flags = FrameFlags::empty();
+    flags.set(FrameFlags::DOME_CAMERA_VISIBLE, context.lights.background_visible());
+    flags.set(FrameFlags::FIRST_HITS, !context.film.has_light());
+    flags.set(FrameFlags::PARTED_SHADOWS, context.lights.parts_shadows);
+    flags
+}
+
 /// The frame block of a frame; path memory is bound by its owner.
 pub(crate) fn frame_block(context: &FrameContext<'_>, scene: &SceneView) -> FrameConstants {
     let FrameContext { job, lights, rays, film, .. } = *context;
-    let mut flags = FrameFlags::empty();
-    flags.set(FrameFlags::DOME_CAMERA_VISIBLE, lights.background_visible());
-    flags.set(FrameFlags::FIRST_HITS, !film.has_light());
-    flags.set(FrameFlags::PARTED_SHADOWS, lights.parts_shadows);
     let exposure = job.request.camera.exposure();
     let part = job.request.part();
     let mut block = FrameConstants {
@@ -65,7 +69,7 @@ pub(crate) fn frame_block(context: &FrameContext<'_>, scene: &SceneView) -> Fram
         seed: job.settings.seed,
         max_bounces: job.settings.max_bounces,
         kind_limits: kind_limits(&job.settings),
-        flags: flags.bits(),
+        flags: flags(context).bits(),
         most_walkers: MAX_WALKERS,
         materials: scene.materials,
         prims: scene.prims,

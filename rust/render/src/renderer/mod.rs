@@ -455,6 +455,8 @@ impl Renderer {
         if context.job.options.faults.first_picture_alone {
             return Ok(());
         }
+        let held = scene.tile_bytes_held();
+        progress.streaming(|stats| stats.texture_bytes = held);
         let began = Instant::now();
         // Where there is no other first picture, the first sample of each pixel is it.
         let gate =
@@ -516,8 +518,6 @@ impl Renderer {
         progress: &mut FrameProgress<'_>,
     ) -> Result<(), RenderError> {
         let device = context.device;
-        let held = scene.tile_bytes_held();
-        progress.streaming(|stats| stats.texture_bytes = held);
         let view = scene.view(scene.stack_entries())?;
         let parts = CompiledFeatures::new(context, &view, false);
         let mut view = if context.carry.levels { view.deepest(scene.stack_entries()) } else { view };
