@@ -36,6 +36,19 @@ fn image_of(also: Also) -> AovKind {
     }
 }
 
+fn settings_of(row: &Row) -> Settings {
+    Settings {
+        adaptive_sampling: row.also == Also::Adaptive,
+        filter_aovs: matches!(row.also, Also::Filtered | Also::StreamedFiltered),
+        pixel_filter: if row.also == Also::Filter { PixelFilterKind::Gaussian } else { PixelFilterKind::Box },
+        max_diffuse_bounces: if row.also == Also::Kinds { 1 } else { Settings::default().max_diffuse_bounces },
+        // Otherwise it would depend on the device.
+        host_mapped: if row.also == Also::Mapped { HostMapped::On } else { HostMapped::Off },
+        straggler_roulette: row.also == Also::Roulette,
+        ..settings(4, 2)
+    }
+}
+
 /// Renders a row; gives what it was made of and its images.
 fn render(row: &Row, forced_features: ForcedFeatures) -> (RenderInventory, Vec<Vec<u8>>) {
     let streams = matches!(
@@ -52,18 +65,7 @@ fn render(row: &Row, forced_features: ForcedFeatures) -> (RenderInventory, Vec<V
         if row.also == Also::ChunkReport { report.to_string_lossy().into_owned() } else { String::new() };
     let part = std::env::temp_dir().join(format!("oocpt-features-{}.film", std::process::id()));
     let film_part = if row.also == Also::FilmPart { part.to_string_lossy().into_owned() } else { String::new() };
-    let settings = Settings {
-        film_part,
-        adaptive_sampling: row.also == Also::Adaptive,
-        filter_aovs: matches!(row.also, Also::Filtered | Also::StreamedFiltered),
-        pixel_filter: if row.also == Also::Filter { PixelFilterKind::Gaussian } else { PixelFilterKind::Box },
-        max_diffuse_bounces: if row.also == Also::Kinds { 1 } else { Settings::default().max_diffuse_bounces },
-        chunk_report,
-        // Otherwise it would depend on the device.
-        host_mapped: if row.also == Also::Mapped { HostMapped::On } else { HostMapped::Off },
-        straggler_roulette: row.also == Also::Roulette,
-        ..settings(4, 2)
-    };
+    let settings = Settings { film_part, chunk_report, ..settings_of(row) };
     let more_features = if row.also == Also::ToyLobe { Features::TOY_LOBE } else { Features::empty() };
     let faults = PlantedFaults { more_features, ..PlantedFaults::default() };
     let options = SessionOptions {

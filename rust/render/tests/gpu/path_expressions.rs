@@ -448,6 +448,9 @@ fn below_a_roof(text: &str, roof: bool, streams: bool, light: &dyn Fn(&mut Scene
     (image(&session, &view, text), session)
 }
 
+/// A light with a name.
+type LightKindScene<'a> = (&'a str, &'a dyn Fn(&mut SceneDb));
+
 /// Light without what is in its way is that of the scene without it, whatever finds it; where nothing is in the way it
 /// is the light itself.
 #[test]
@@ -463,7 +466,7 @@ fn unoccluded_light_is_that_without_the_occluder() {
         db.upsert_material(glow("/glow", [5.0; 3]));
     };
     let down = DMat4::from_rotation_x(-PI / 2.0);
-    let kinds: [(&str, &dyn Fn(&mut SceneDb)); 4] = [
+    let kinds: [LightKindScene<'_>; 4] = [
         ("a lamp", &lamp),
         ("a sun of one direction", &|db| db.upsert_light(sun(1.0, 0.0, down))),
         ("a wide sun", &|db| db.upsert_light(sun(1.0, 30.0, down))),

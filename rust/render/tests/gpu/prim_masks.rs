@@ -41,6 +41,9 @@ fn downwards() -> DMat4 {
     DMat4::from_rotation_x(-FRAC_PI_2)
 }
 
+/// A light with a name.
+type LightKindScene<'a> = (&'a str, &'a dyn Fn(&mut SceneDb));
+
 /// A scene in which the prim that is given matters to one kind of ray alone, with its bit.
 struct Case {
     what: &'static str,
@@ -103,24 +106,28 @@ fn cases() -> [Case; 5] {
                 db.upsert_light(sun(3.0, 1.0, DMat4::from_rotation_x(PI / 8.0)));
             },
         },
-        Case {
-            what: "behind glass",
-            bit: PrimMask::NO_TRANSMISSION,
-            bounces: 3,
-            view: straight,
-            thing: || board("/thing", DMat4::IDENTITY, 3, 50.0, 0.5),
-            others: |db| {
-                for (number, (path, z, turned)) in (1..).zip([("/front", 2.0, 0.0), ("/back", 1.0, PI)]) {
-                    let place = DMat4::from_translation(DVec3::Z * z) * DMat4::from_rotation_x(turned);
-                    let pane = board(path, place, number, 1.0, 0.5);
-                    db.upsert_mesh(MeshDesc { material: Some("/glass".into()), ..pane });
-                }
-                let clear = [("opacity", 0.0), ("ior", 1.5), ("roughness", 0.0)];
-                db.upsert_material(surface("/glass", &clear.map(|(name, value)| (name, ParamValue::Float(value)))));
-                db.upsert_light(sun(3.0, 1.0, DMat4::from_rotation_x(-1.2)));
-            },
-        },
+        behind_glass(straight),
     ]
+}
+
+fn behind_glass(view: fn() -> RenderRequest) -> Case {
+    Case {
+        what: "behind glass",
+        bit: PrimMask::NO_TRANSMISSION,
+        bounces: 3,
+        view,
+        thing: || board("/thing", DMat4::IDENTITY, 3, 50.0, 0.5),
+        others: |db| {
+            for (number, (path, z, turned)) in (1..).zip([("/front", 2.0, 0.0), ("/back", 1.0, PI)]) {
+                let place = DMat4::from_translation(DVec3::Z * z) * DMat4::from_rotation_x(turned);
+                let pane = board(path, place, number, 1.0, 0.5);
+                db.upsert_mesh(MeshDesc { material: Some("/glass".into()), ..pane });
+            }
+            let clear = [("opacity", 0.0), ("ior", 1.5), ("roughness", 0.0)];
+            db.upsert_material(surface("/glass", &clear.map(|(name, value)| (name, ParamValue::Float(value)))));
+            db.upsert_light(sun(3.0, 1.0, DMat4::from_rotation_x(-1.2)));
+        },
+    }
 }
 
 /// A bit counts where its kind of ray matters, as if the prim were not there, and nowhere else.
@@ -166,7 +173,7 @@ fn shadow_rays_decide_where_a_prim_is_in_the_way_of_some_rays_alone() {
         db.upsert_mesh(MeshDesc { material: Some("/glow".into()), ..ball });
         db.upsert_material(glow("/glow", [2.0; 3]));
     };
-    let kinds: [(&str, &dyn Fn(&mut SceneDb)); 4] = [
+    let kinds: [LightKindScene<'_>; 4] = [
         ("a lamp", &lamp),
         ("a wide sun", &|db| db.upsert_light(sun(1.0, 40.0, downwards()))),
         ("the sky", &|db| db.upsert_light(LightDesc { camera_visible: false, ..dome([0.5; 3]) })),
@@ -212,7 +219,7 @@ fn gloss_shows_what_reflected_rays_see() {
         });
     };
     let sky = |db: &mut SceneDb| db.upsert_light(LightDesc { camera_visible: false, ..dome([1.0; 3]) });
-    let kinds: [(&str, &dyn Fn(&mut SceneDb)); 2] = [("the sky", &sky), ("a lamp", &lamp)];
+    let kinds: [LightKindScene<'_>; 2] = [("the sky", &sky), ("a lamp", &lamp)];
     for (what, light) in kinds {
         let shown = |mask: Option<PrimMask>| {
             mean(&picture(settings(64, 1), &at_the_floor(), |db| {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! `place_records` makes the records that the host makes, `refit_chunks` the trees that the host refits, bit for bit, and drops
-//! what the host drops; `scatter_words` changes what it is told and nothing else.
+//! `place_records` makes the records that the host makes, `refit_chunks` the trees that the host refits, bit for bit,
+//! and both drop what the host drops; `scatter_words` changes what it is told and nothing else.
 
 use super::handmade_scene::Random;
 use super::{close_device, open};

@@ -115,7 +115,6 @@ pub(crate) const ROWS: &[Row] = &[
         buffers: &[&["mesh primvars", "image primvars:dust"]],
         primvars: &["dust"],
         also: Also::Primvar,
-        ..BARE
     },
     Row { what: "a primvar that no image shows", build: dusty, ..BARE },
     Row {

@@ -49,7 +49,6 @@ pub(crate) const ROWS: &[Row] = &[
         buffers: &[OF_STREAMING, &["image primvars:dust"]],
         primvars: &["dust"],
         also: Also::StreamedPrimvar,
-        ..BARE
     },
     Row {
         what: "a light path expression of a scene that streams",
