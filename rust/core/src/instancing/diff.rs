@@ -79,11 +79,15 @@ impl ChangedNumbers {
             return None;
         }
         let words = self.bits.iter().enumerate().filter(|(_, word)| **word != 0);
-        let of_word = |(at, word): (usize, &u64)| {
-            let word = *word;
-            (0..64).filter(move |bit| word >> bit & 1 == 1).map(move |bit| 64 * at + bit)
-        };
-        Some(words.flat_map(of_word).collect())
+        let mut numbers = Vec::with_capacity(self.len);
+        for (at, word) in words {
+            let mut left = *word;
+            while left != 0 {
+                numbers.push(64 * at + left.trailing_zeros() as usize);
+                left &= left - 1;
+            }
+        }
+        Some(numbers)
     }
 
     /// Returns true if so many changed that a run of `ranks` instances is better scanned anew.

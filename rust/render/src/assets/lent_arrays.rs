@@ -189,6 +189,8 @@ impl LentArrays {
                             u64::from(ALL_CHANGED)
                         }
                     };
+                    // Large ones take milliseconds to be given back.
+                    rayon::spawn(move || drop(old));
                     (memory, changed)
                 }
                 None => (sent.range("array of instances", array.view().bytes())?, u64::from(ALL_CHANGED)),

@@ -323,7 +323,9 @@ fn light_groups_are_those_of_their_lights() {
                 assert!(own && of.iter().sum::<f32>() == of[channel], "streaming {streams}: {of:?} of {color:?}");
             }
             assert_eq!(parts[3][pixel], [0.0; 3], "no surface shines");
-            assert_eq!(parts[4][pixel], [0, 1, 2].map(|c| color[c]), "the floor has a label");
+            // A device may fuse products of one of the two sums.
+            let is_same = |c: usize| (parts[4][pixel][c] - color[c]).abs() <= 1e-6 * color[c];
+            assert!((0..3).all(is_same), "the floor has a label: {:?} of {color:?}", parts[4][pixel]);
         }
     }
 }
