@@ -30,7 +30,7 @@ const ARNOLD_BITS: [(u32, PrimMask); 5] = [
     (1 << 6, PrimMask::NO_REFLECTION),
 ];
 
-/// Primvars by name: OocPT's own, RenderMan's, Karma's, Arnold's. What is before the first colon names the renderer.
+/// Primvars by name. What is before the first colon names the renderer.
 const ROWS: [(&str, MaskRule); 15] = [
     ("oocpt:visibility", MaskRule::Names),
     ("oocpt:matte", MaskRule::Matte),
