@@ -2,8 +2,8 @@
 //! Deep images: shares, depths and things by closed forms and by the colour; limits of samples; the same bits
 //! everywhere; and nothing of them where nobody asks.
 
-use crate::checkpoints::{Folder, by, open};
 use crate::filtered_images::{SAMPLES, SIZE, asking, blurred, card_depth, card_met, cards, disk, ray, session_of};
+use crate::ranked_ids::{assert_kept_by_a_checkpoint, passes_and_sums};
 use crate::scenes::{features, nested};
 use crate::support::{filtering, perspective, read, render, settings};
 use glam::DVec3;
@@ -177,34 +177,12 @@ fn deep_images_have_the_same_bits_everywhere() {
 
 #[test]
 fn a_checkpoint_holds_deep_samples() {
-    let folder = Folder::new("deep-images");
-    let checkpoint = folder.file("samples").display().to_string();
-    let view = view_of_nested(&[AovKind::Color, deep(8, 1e-3)], SIZE);
-    let of = |samples: u32, checkpoint: &str| {
-        let way = by(TraversalKind::Compute);
-        let session =
-            open(nested, Settings { samples_per_pixel: samples, checkpoint: checkpoint.to_owned(), ..way }, false);
-        render(&session, &view);
-        (read::<u8>(&session, &view, deep(8, 1e-3)), session.stats().samples_kept)
-    };
-    let (whole, _) = of(16, "");
-    of(8, &checkpoint);
-    let (resumed, kept) = of(16, &checkpoint);
-    assert_eq!(kept, 8);
-    assert!(resumed == whole, "the same bits");
+    assert_kept_by_a_checkpoint("deep-images", deep(8, 1e-3));
 }
 
 #[test]
 fn deep_samples_exist_only_on_request() {
-    let made = |kinds: &[AovKind]| {
-        let session = session_of(settings(2, 1), false, nested);
-        render(&session, &view_of_nested(kinds, SIZE));
-        let inventory = session.stats().inventory;
-        let passes = ["merge_deep", "resolve_deep", "rank_ids"]
-            .map(|name| inventory.passes.iter().any(|pass| pass.name == name && pass.made));
-        let sums = inventory.buffers.iter().filter(|buffer| buffer.name == "plane_sums");
-        (passes, sums.map(|buffer| buffer.bytes).sum::<u64>())
-    };
+    let made = |kinds: &[AovKind]| passes_and_sums(kinds, ["merge_deep", "resolve_deep", "rank_ids"]);
     assert_eq!(made(&[AovKind::Color, AovKind::Depth]), ([false; 3], 0));
     let bytes = u64::from(SIZE[0] * SIZE[1]) * 5 * size_of::<DeepSlot>() as u64;
     assert_eq!(made(&[AovKind::Color, deep(5, 0.0)]), ([true, true, false], bytes));

@@ -158,15 +158,20 @@ fn ranked_ids_have_the_same_bits_everywhere() {
 
 #[test]
 fn a_checkpoint_holds_them() {
-    let folder = Folder::new("ranked-ids");
+    assert_kept_by_a_checkpoint("ranked-ids", IDS[0]);
+}
+
+/// A render of an image that goes on from a checkpoint has the bits of one that does not; files have this name.
+pub(crate) fn assert_kept_by_a_checkpoint(name: &str, kind: AovKind) {
+    let folder = Folder::new(name);
     let checkpoint = folder.file("samples").display().to_string();
-    let view = view_of_nested(&[AovKind::Color, IDS[0]], SIZE);
+    let view = view_of_nested(&[AovKind::Color, kind], SIZE);
     let of = |samples: u32, checkpoint: &str| {
         let way = by(TraversalKind::Compute);
         let session =
             open(nested, Settings { samples_per_pixel: samples, checkpoint: checkpoint.to_owned(), ..way }, false);
         render(&session, &view);
-        (read::<u8>(&session, &view, IDS[0]), session.stats().samples_kept)
+        (read::<u8>(&session, &view, kind), session.stats().samples_kept)
     };
     let (whole, _) = of(16, "");
     of(8, &checkpoint);
@@ -175,17 +180,19 @@ fn a_checkpoint_holds_them() {
     assert!(resumed == whole, "the same bits");
 }
 
+/// Which passes of these names a render of images of the nested scene has, and the bytes of its sums.
+pub(crate) fn passes_and_sums(kinds: &[AovKind], names: [&str; 3]) -> ([bool; 3], u64) {
+    let session = session_of(settings(2, 1), false, nested);
+    render(&session, &view_of_nested(kinds, SIZE));
+    let inventory = session.stats().inventory;
+    let passes = names.map(|name| inventory.passes.iter().any(|pass| pass.name == name && pass.made));
+    let sums = inventory.buffers.iter().filter(|buffer| buffer.name == "plane_sums");
+    (passes, sums.map(|buffer| buffer.bytes).sum::<u64>())
+}
+
 #[test]
 fn ranked_ids_exist_only_on_request() {
-    let made = |kinds: &[AovKind]| {
-        let session = session_of(settings(2, 1), false, nested);
-        render(&session, &view_of_nested(kinds, SIZE));
-        let inventory = session.stats().inventory;
-        let passes = ["rank_ids", "resolve_ids", "sum_planes"]
-            .map(|name| inventory.passes.iter().any(|pass| pass.name == name && pass.made));
-        let sums = inventory.buffers.iter().filter(|buffer| buffer.name == "plane_sums");
-        (passes, sums.map(|buffer| buffer.bytes).sum::<u64>())
-    };
+    let made = |kinds: &[AovKind]| passes_and_sums(kinds, ["rank_ids", "resolve_ids", "sum_planes"]);
     assert_eq!(made(&[AovKind::Color, AovKind::Depth]), ([false; 3], 0));
     let bytes = u64::from(SIZE[0] * SIZE[1] * ID_SLOTS) * size_of::<IdSlot>() as u64;
     assert_eq!(made(&[AovKind::Color, IDS[1]]), ([true, true, false], bytes));
