@@ -2,6 +2,7 @@
 //! Deep images: shares, depths and things by closed forms and by the colour; limits of samples; the same bits
 //! everywhere; and nothing of them where nobody asks.
 
+use crate::checkpoints::by;
 use crate::filtered_images::{SAMPLES, SIZE, asking, blurred, card_depth, card_met, cards, disk, ray, session_of};
 use crate::ranked_ids::{assert_kept_by_a_checkpoint, passes_and_sums};
 use crate::scenes::{features, nested};
