@@ -176,7 +176,7 @@ pub(crate) fn assert_kept_by_a_checkpoint(name: &str, kind: AovKind) {
     let (whole, _) = of(16, "");
     of(8, &checkpoint);
     let (resumed, kept) = of(16, &checkpoint);
-    assert_eq!(kept, 8);
+    assert_eq!(kept, 8, "samples of the checkpoint");
     assert!(resumed == whole, "the same bits");
 }
 
