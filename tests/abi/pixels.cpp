@@ -100,7 +100,9 @@ void _CheckRefusals()
     _Expect(target == std::array<float, 4> { 9, 9, 9, 9 }, "nothing is written on refusal");
     _Expect(HdOocPTFindAov(TfToken("depth"))->clearValue == VtValue(1.0f), "depth clears to 1");
     _Expect(HdOocPTFindAov(TfToken("primId"))->clearValue == VtValue(-1), "ids clear to -1");
-    _Expect(!HdOocPTFindAov(TfToken("primvars:st")), "an unknown output");
+    _Expect(!HdOocPTFindAov(TfToken("sparkle")), "an unknown output");
+    _Expect(HdOocPTFindAov(TfToken("primvars:st"))->format == HdFormatFloat32Vec4, "a primvar has four numbers");
+    _Expect(HdOocPTDescribeAov(TfToken("primIdFloat")).format == HdFormatFloat32, "ids as floats");
 }
 
 } // namespace
