@@ -82,7 +82,8 @@ fn matrices_are_normalized_by_the_homogeneous_term() {
 #[test]
 fn integers_and_bools_are_not_mixed() {
     let ints = TypedArray::of(vec![-3_i32, 4]);
-    assert_eq!((ints.index(0), ints.index(2), ints.scalar(0), ints.boolean(0)), (Some(-3), None, None, None));
+    assert_eq!((ints.index(0), ints.index(2), ints.boolean(0)), (Some(-3), None, None));
+    assert_eq!((ints.scalar(0), ints.scalar(2)), (Some(-3.0), None), "whole numbers are numbers");
     let bools = TypedArray::from_bools(&[true, false]);
     assert_eq!((bools.boolean(0), bools.boolean(1), bools.boolean(2)), (Some(true), Some(false), None));
     assert_eq!(bools.index(0), None);

@@ -359,14 +359,14 @@ fn prims_come_and_go_without_touching_other_chunks() {
 #[test]
 fn what_is_left_around_an_emptied_chunk_is_cut_as_in_a_new_database() {
     // A cell of three chunks: one half, and both halves of the other.
-    for [a, b, c] in [[60, 100, 60], [20, 120, 100], [100, 30, 20], [5, 125, 7]] {
+    for [a, b, c] in [[60, 100, 60], [20, 120, 100], [30, 110, 90], [5, 125, 7]] {
         let clump = |count: usize, at: [f32; 3]| {
             spread(count, 1.0, 3).into_iter().map(move |p| [0, 1, 2].map(|k| p[k] + at[k]))
         };
-        let others = clump(500, [-20.0; 3]).chain(clump(1, [-60.0; 3])).chain(clump(1, [60.0; 3]));
+        let others = clump(500, [-20.0; 3]).chain(clump(1, [-60.0; 3])).chain(clump(1, [60.0, -60.0, -60.0]));
         let left = clump(a, [2.0; 3]).chain(clump(c, [28.0, 2.0, 2.0]));
         let points =
-            |x: f32| -> Vec<[f32; 3]> { others.clone().chain(left.clone()).chain(clump(b, [x, 2.0, 2.0])).collect() };
+            |at: [f32; 3]| -> Vec<[f32; 3]> { others.clone().chain(left.clone()).chain(clump(b, at)).collect() };
         let place = |db: &mut SceneDb, points: &[[f32; 3]]| {
             let all: Vec<i32> = (0..).take(points.len()).collect();
             db.upsert_instancer(scatter("/i", points, &[("/i/p", &all)]));
@@ -385,11 +385,11 @@ fn what_is_left_around_an_emptied_chunk_is_cut_as_in_a_new_database() {
             near.map(|chunk| chunk.len()).collect::<Vec<usize>>()
         };
         let mut db = database();
-        let before = place(&mut db, &points(20.0));
+        let before = place(&mut db, &points([20.0, 2.0, 2.0]));
         assert_eq!(near(&before), [a, b, c], "before");
-        let after = place(&mut db, &points(-25.0));
+        let after = place(&mut db, &points([-20.2; 3]));
         assert_eq!(near(&after), [a + c], "after");
-        assert_same_world(&place(&mut database(), &points(-25.0)), &after);
+        assert_same_world(&place(&mut database(), &points([-20.2; 3])), &after);
     }
 }
 
