@@ -10,13 +10,13 @@ PXR_NAMESPACE_OPEN_SCOPE
 
 namespace {
 
-// So often a host asks before it is judged by how often it has slept.
+// After this many questions the host is judged by how often it has slept in between.
 constexpr int _askedToJudge = 64;
 constexpr int _waitSteps = 25;
 constexpr std::chrono::milliseconds _waitStep(2);
 
-// How often this thread has given up the processor of its own accord: for an event, a timer, a lock. Where the system
-// does not tell, a number that grows, as that of a host that sleeps.
+// Counts the voluntary context switches of this thread: waits for an event, a timer or a lock. Where the system does
+// not count them, each call returns a larger number, so that the host passes for one that sleeps.
 long _SleptCount()
 {
 #ifdef RUSAGE_THREAD
@@ -25,7 +25,7 @@ long _SleptCount()
         return usage.ru_nvcsw;
     }
 #endif
-    static long count = 0;
+    static thread_local long count = 0;
     return ++count;
 }
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Live views only. Places the records of held chunks from the arrays of their instancers: all of a chunk that is new
-// here, of others those for which some element has changed. A thread for each record in x; in y the chunks from
-// push.count on.
+// here, of others those for which some element has changed. Workgroups along y take one chunk each, from chunk
+// push.count on; threads along x take its records.
 // Reads: push.source, members and places of each chunk, arrays of instancers and what changed in them. Writes: maps and
 // boxes of records.
 #version 460

@@ -216,7 +216,7 @@ features! {
 impl Features {
     /// The specialisation constants of [`Features`] with their values.
     #[must_use]
-    #[allow(clippy::cast_possible_truncation, reason = "words of it")]
+    #[allow(clippy::cast_possible_truncation, reason = "each constant holds 32 of the bits")]
     pub fn constants(self) -> [(u32, u32); 3] {
         let words = [(SPEC_FEATURES, 0), (SPEC_FEATURES_HIGH, 32), (SPEC_FEATURES_TOP, 64)];
         words.map(|(spec, first)| (spec, (self.bits() >> first) as u32))

@@ -476,7 +476,7 @@ pub const PLANE_SUM_BYTES: u32 = size_of::<PlaneSum>() as u32;
 pub const ID_SLOT_BYTES: u32 = size_of::<IdSlot>() as u32;
 
 /// Bytes of a [`DeepSlot`].
-#[allow(clippy::cast_possible_truncation, reason = "the size of a struct")]
+#[allow(clippy::cast_possible_truncation, reason = "the constant 32 fits u32")]
 pub const DEEP_SLOT_BYTES: u32 = size_of::<DeepSlot>() as u32;
 
 /// Words of a sample for a deep image: prim id + 1, instance id, and the distance along the view axis as a float.

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use crate::array::TypedArray;
 
-/// Number of instances that are few.
+/// Largest number of changed instances that are looked up one by one.
 const FEW: usize = 1 << 10;
 /// Number of elements compared at a time.
 const BLOCK: usize = 1 << 12;

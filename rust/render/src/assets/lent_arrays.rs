@@ -189,7 +189,7 @@ impl LentArrays {
                             u64::from(ALL_CHANGED)
                         }
                     };
-                    // Large ones take milliseconds to be given back.
+                    // Freeing a large array takes milliseconds; the render thread does not wait for it.
                     rayon::spawn(move || drop(old));
                     (memory, changed)
                 }
@@ -244,7 +244,7 @@ fn among(numbers: &[usize], old: &[u8], new: &[u8], size: usize) -> Vec<u32> {
         }
         entries
     };
-    // They are far apart in memory: a thread waits for each.
+    // The elements are far apart in memory: several threads hide the latency of the reads.
     numbers.par_chunks(LISTED).map(of_some).collect::<Vec<_>>().concat()
 }
 
