@@ -154,6 +154,8 @@ pub(crate) struct CommitWork {
     pub(crate) edits: EditQueue,
     /// What the commit is for; none if the edits are only noted.
     pub(crate) ask: Option<RenderAsk>,
+    /// Whether pictures are shown meanwhile.
+    pub(crate) is_live: bool,
 }
 
 /// The host's requests to the commit thread and the render thread.
@@ -231,13 +233,14 @@ impl CommitQueue {
     /// The next piece of work. Edits without a request are only noted, so that the host's arrays that they replace are
     /// given back soon; never while a request waits that came before them.
     pub(crate) fn begin(&mut self) -> Option<CommitWork> {
+        let is_live = self.newest.as_ref().is_some_and(|newest| newest.settings.interactive);
         if self.is_due {
             self.is_due = false;
             self.is_under_way = true;
             let ask = self.pictures.pop_front().or_else(|| self.newest.clone());
-            return Some(CommitWork { edits: std::mem::take(&mut self.due), ask });
+            return Some(CommitWork { edits: std::mem::take(&mut self.due), ask, is_live });
         }
-        (!self.edits.is_empty()).then(|| CommitWork { edits: self.take_edits(), ask: None })
+        (!self.edits.is_empty()).then(|| CommitWork { edits: self.take_edits(), ask: None, is_live })
     }
 
     /// Takes the edits that no request came after; the next one is told that the scene has them.

@@ -14,8 +14,7 @@ pub(super) fn run(shared: &Arc<SharedState>, scene: &Mutex<SessionScene>) {
     while waits_for_work(shared) {
         let mut scene = lock(scene);
         // The scene is locked first: whoever has it sees all edits that were taken.
-        let Some(CommitWork { edits, ask }) = shared.control().commits.begin() else { continue };
-        let is_live = ask.as_ref().is_some_and(|ask| ask.settings.interactive);
+        let Some(CommitWork { edits, ask, is_live }) = shared.control().commits.begin() else { continue };
         let edited = &mut *scene;
         let result = beside_pictures(is_live, || {
             edited.edit(edits, shared);

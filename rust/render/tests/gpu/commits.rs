@@ -117,6 +117,13 @@ fn a_camera_that_moves_during_a_commit_shows_the_scene_of_before_and_then_that_o
 
 #[test]
 fn pictures_do_not_wait_for_threads_that_build() {
+    for comes_with_a_request in [true, false] {
+        pictures_of_a_busy_commit_thread(comes_with_a_request);
+    }
+}
+
+/// The commit thread takes edits that no request came after too, and pictures do not wait for those either.
+fn pictures_of_a_busy_commit_thread(comes_with_a_request: bool) {
     let (session, gate) = session(true);
     gate.close();
     let [begun, held] = [Arc::new(AtomicBool::new(false)), Arc::new(AtomicBool::new(true))];
@@ -132,8 +139,15 @@ fn pictures_do_not_wait_for_threads_that_build() {
             });
         })
     };
-    session.edit(vec![builds]);
-    session.render(view(16));
+    if comes_with_a_request {
+        // Nothing is due while the scene is locked, so both are taken together.
+        session.with_scene(|_| {
+            session.edit(vec![builds]);
+            session.render(view(16));
+        });
+    } else {
+        session.edit(vec![builds]);
+    }
     wait_until("the builds begin", || begun.load(Ordering::Relaxed));
     session.render(view(17));
     wait_until("a picture while all of them are busy", || session.shown_generation() == session.generation());
