@@ -10,6 +10,7 @@
 
 #include "wavefront/bounce_kinds.glsl"
 #include "geometry/prim_masks.glsl"
+#include "light/shadow_sums.glsl"
 
 void add_radiance(uint path, vec3 value) {
     const vec4 before = ConstVec4s(FRAME.radiance).v[path];
@@ -52,6 +53,8 @@ GpuPathStates shadow_states;
 bool store_shadow_ray(uint path, Double3 origin, uint bounce, LightSample ls, vec3 throughput) {
     const vec3 contribution = clamp_contribution(path, throughput * ls.contribution, bounce > 0u);
     if (!(max_component(contribution) > 0.0)) return false;
+    // A mesh may be in its own way: its light is none of what shadows are told of.
+    if (HAS_SHADOW_SUMS && bounce == 0u && !ls.of_mesh) ask_light(path, throughput * ls.unoccluded, false);
     // A mesh may be in its own way: it keeps its shadows.
     if (HAS_PATH_EXPRESSIONS && ls.of_mesh) shadow_states.states.x |= STATES_OF_ALL;
     if (HAS_PATH_EXPRESSIONS && AUTOMATON.unoccluded != 0u && !ls.of_mesh) {
@@ -114,6 +117,7 @@ void shade(uint path, out bool asks, out bool go_on) {
         HAS_PRIM_MASKS && ray.bounce == 0u && (prim_mask(surface.prim_id) & PRIM_MATTE) != 0u;
     if (ray.bounce == 0u) Vec4s(FRAME.radiance).v[path] = vec4(0.0, 0.0, 0.0, is_matte ? 0.0 : 1.0);
     if (HAS_PATH_EXPRESSIONS && ray.bounce == 0u) clear_light_parts(path);
+    if (HAS_SHADOW_SUMS && ray.bounce == 0u) clear_shadow_values(path);
     if (HAS_LOCAL_LIGHTS) add_met_lights(path, ray, surface, state);
     if (is_matte) return;
     const uint kinds = path_kinds(path, ray.bounce);

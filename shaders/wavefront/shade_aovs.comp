@@ -32,6 +32,7 @@ AovClear aovs_of(uint path, Surface surface, out vec4 motion_both) {
     a.prim_id = shown_prim_id(surface.prim_id);
     a.instance_id = int(surface.instance_id);
     a.element_id = int(surface.face);
+    if (HAS_MATERIALS && surface_material.material != NO_MATERIAL) a.material_id = int(surface_material.material);
     if (HAS_SHADED_AOVS) {
         uint missing;
         const Shading shading = make_shading(path, surface, missing);
@@ -61,6 +62,7 @@ void store(uint pixel, AovClear a) {
     if (FRAME.aov.prim_id != 0ul) Ints(FRAME.aov.prim_id).v[pixel] = a.prim_id;
     if (FRAME.aov.instance_id != 0ul) Ints(FRAME.aov.instance_id).v[pixel] = a.instance_id;
     if (FRAME.aov.element_id != 0ul) Ints(FRAME.aov.element_id).v[pixel] = a.element_id;
+    if (FRAME.aov.material_id != 0ul) Ints(FRAME.aov.material_id).v[pixel] = a.material_id;
     if (is_centred(FRAME.aov.normal, at.normal)) Vec3s(FRAME.aov.normal).v[pixel] = a.normal;
     if (is_centred(FRAME.aov.neye, at.neye)) Vec3s(FRAME.aov.neye).v[pixel] = a.neye;
     if (is_centred(FRAME.aov.albedo, at.albedo)) Vec3s(FRAME.aov.albedo).v[pixel] = a.albedo;
