@@ -33,7 +33,7 @@ void ask_light(uint path, vec3 light, bool is_caught) {
         Vec3s(values).v[0] = light;
         Vec3s(values).v[1] = light;
     }
-    if (!is_caught) return;
+    if (!is_caught || FRAME.catcher_at == NO_INDEX) return;
     const uint64_t values = shadow_values_of(path, FRAME.catcher_at);
     Floats(values).v[0] = dot3(LUMINANCE, light);
     Floats(values).v[1] = dot3(LUMINANCE, light);

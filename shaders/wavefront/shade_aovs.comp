@@ -3,8 +3,8 @@
 // WavefrontCounters::surface_args; arg0 = AOV_ESCAPED: escaped_queue, WavefrontCounters::escaped_args. Reads: the
 // queue, hits, the scene; with streaming, surfaces in place of the last two. Rays of generate_aov_rays (PUSH_AOVS):
 // writes the planes of FrameConstants::aov and primvar_images that are not 0 and not filtered; surfaces of opacity 0
-// are not seen, all others are. Samples: writes FrameConstants::plane_values of those at bounce 0, where a matte counts
-// as nothing. With streaming: ends rays that go no farther, and writes their segments.
+// are not seen, all others are. Samples: writes FrameConstants::plane_values of those at bounce 0, where mattes and
+// shadow catchers count as nothing. With streaming: ends rays that go no farther, and writes their segments.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "wavefront/wavefront.glsl"
@@ -120,7 +120,7 @@ void main() {
     bool is_seen = hit;
     if (hit) {
         const Surface surface = load_surface(path);
-        is_seen = !(is_sample && (prim_mask(surface.prim_id) & PRIM_MATTE) != 0u);
+        is_seen = !(is_sample && (prim_mask(surface.prim_id) & (PRIM_MATTE | PRIM_SHADOW_CATCHER)) != 0u);
         if (is_seen) a = aovs_of(path, surface, motion_both);
     }
     // For hits, record_surfaces has written them while their chunk was there.
