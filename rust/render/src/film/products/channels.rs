@@ -40,7 +40,7 @@ pub(super) fn of_var(var: &ProductVar, before: &[FileChannel]) -> Result<Vec<Fil
         return free(channels, before);
     }
     let row = sources::source(var)?;
-    let is_id = matches!(row.kind, AovKind::PrimId | AovKind::InstanceId | AovKind::ElementId);
+    let is_id = row.kind.is_id();
     let (components, format) = match (var.data_type.trim(), is_id) {
         ("", false) => (4, SampleFormat::Float),
         ("", true) => (1, SampleFormat::Uint),
