@@ -4,6 +4,7 @@
 use super::cryptomatte::{self, CryptomatteLayer};
 use super::deep::DeepImage;
 use super::plan::is_input;
+use super::times;
 use crate::film::picture::{PictureAttribute, PictureAttributes, layer_attributes};
 use crate::job::aov::AovKind;
 use crate::job::product::{FileChannel, FileCompression, HeaderValue, ProductFile, SampleFormat};
@@ -72,7 +73,7 @@ pub(crate) fn write(
         let rows = rows(request, images, AovKind::Deep(limits)).ok_or_else(missing)?;
         let compression = compression(file.compression);
         let image = DeepImage::new((file, compression), limits, rows, names).ok_or_else(missing)?;
-        let (layer, shared) = header_of(file, request, (attributes, &image.named.attributes));
+        let (layer, shared) = header_of(file, request, (attributes, &image.manifests()));
         oocpt_files::replace_by(&file.path, |out| image.write(out, layer, shared)).map_err(file_error)?;
         return Ok(image.warning().into_iter().collect());
     }
@@ -116,6 +117,8 @@ fn header_of(
     let mut shared = ImageAttributes::new(IntegerBounds::new(Vec2(0, 0), Vec2(columns, rows)));
     shared.pixel_aspect = file.pixel_aspect;
     shared.chromaticities = file.space.map(chromaticities);
+    layer.software_name = Some(Text::from(concat!("OocPT ", env!("CARGO_PKG_VERSION"))));
+    times::add(file, &mut layer, &mut shared);
     (layer, shared)
 }
 
@@ -140,7 +143,7 @@ fn image(
     let size = Vec2(request.part().width as usize, request.part().height as usize);
     let mut shared = ImageAttributes::new(IntegerBounds::zero());
     let layers = parts.into_iter().map(|(name, channels)| {
-        let is_here = |matte: &str| channels.iter().any(|c| c.cryptomatte.as_ref().is_some_and(|(_, l)| l == matte));
+        let is_here = |matte: &str| channels.iter().any(|c| c.cryptomatte.as_ref().is_some_and(|l| l.name == matte));
         let manifests = mattes.iter().filter(|(matte, _)| is_here(matte)).flat_map(|(_, matte)| &matte.attributes);
         let (mut layer, of_image) = header_of(file, request, (attributes, &manifests.cloned().collect::<Vec<_>>()));
         shared = of_image;
@@ -161,7 +164,7 @@ fn written_channel(
     images: &PublishedImages,
     mattes: &BTreeMap<String, CryptomatteLayer>,
 ) -> Result<AnyChannel<FlatSamples>, ProductError> {
-    if let Some(matte) = channel.cryptomatte.as_ref().and_then(|(_, layer)| mattes.get(layer)) {
+    if let Some(matte) = channel.cryptomatte.as_ref().and_then(|layer| mattes.get(&layer.name)) {
         let component = matte.pixels.iter().skip(channel.component).step_by(cryptomatte::CHANNELS);
         let samples = FlatSamples::F32(component.copied().collect());
         return Ok(AnyChannel::new(Text::from(channel.name.as_str()), samples));
@@ -200,14 +203,13 @@ fn mattes(
 ) -> Result<BTreeMap<String, CryptomatteLayer>, ProductError> {
     let mut mattes = BTreeMap::new();
     for channel in &file.channels {
-        let Some((kind, layer)) = channel.cryptomatte.as_ref().filter(|(_, layer)| !mattes.contains_key(layer)) else {
-            continue;
-        };
+        let new = channel.cryptomatte.as_ref().filter(|layer| !mattes.contains_key(&layer.name));
+        let Some(layer) = new else { continue };
         let (Some(names), Some(rows)) = (names, rows(request, images, channel.kind)) else {
             return Err(ProductError::Image(channel.kind));
         };
         let slots: Vec<IdSlot> = rows.iter().flat_map(|row| bytemuck::pod_collect_to_vec::<u8, IdSlot>(row)).collect();
-        mattes.insert(layer.clone(), cryptomatte::layer(*kind, layer, names, &slots));
+        mattes.insert(layer.name.clone(), cryptomatte::layer(layer, names, &slots));
     }
     Ok(mattes)
 }
