@@ -52,19 +52,19 @@ def RenderSettings "Settings"
 """
 NUMBERS = ["0", "1", "2.5", "-1", "nan", "inf", "-inf", "1e30", "1e-30"]
 SIZES = ["(8, 6)"] * 16 + ["(6, 8)", "(0, 8)", "(-4, 4)", "(2147483647, 2147483647)", "(65537, 1)", "(-2147483648, 1)"]
-KINDS = ["raster"] * 30 + ["", "deep", "deepRaster", "arnold", "volume", "ra\\u0000ster", "é", "x" * 3000]
+KINDS = ["raster"] * 30 + ["", "deep", "deepRaster", "arnold", "volume", "ra\\u0000ster", "é字", "x" * 3000]
 SOURCES = [
     "Ci", "a", "z", "N", "albedo", "primId", "motion", "CryptoObject", "CryptoMaterial", "CryptoAsset:dept",
-    "CryptoObject:", "crypto_object01", "st", "primvars:dept", "primvars:", "denoisd", "", " ", "é", "lpe:C<RD>L",
-    "color lpe:", "..", "/etc/passwd", "variance", "error", "RGBA_", "RGBA_é", "sampleCount", "a" * 5000,
+    "CryptoObject:", "crypto_object01", "st", "primvars:dept", "primvars:", "denoisd", "", " ", "é字", "lpe:C<RD>L",
+    "color lpe:", "..", "/etc/passwd", "variance", "error", "RGBA_", "RGBA_é字", "sampleCount", "a" * 5000,
 ]  # fmt: skip
 PATHS = [
     "C<RD>L", "C.*[LO]", "C", "", "C(((((((((L", "C" + "(.|" * 300, "[^", "C<.'" + "k" * 900 + "'>L", "unoccluded;CL",
-    "shadows;CL", "C.{1,3000}L", "C*" * 200, "é",
+    "shadows;CL", "C.{1,3000}L", "C*" * 200, "é字",
 ]  # fmt: skip
-TYPES = ["color3f"] * 4 + ["", "float", "half", "int", "string", "token", "color4h", "matrix4d", "float99", "é", "[]"]
+TYPES = ["color3f"] * 4 + ["", "float", "half", "int", "string", "token", "color4h", "matrix4d", "float99", "é字", "[]"]
 SETTINGS = [
-    ("string oocpt:compression", ['"zip"', '"dwaa"', '"é"', '""', '"' + "z" * 500 + '"']),
+    ("string oocpt:compression", ['"zip"', '"dwaa"', '"é字"', '""', '"' + "z" * 500 + '"']),
     ("bool oocpt:tiled", ["0", "1"]),
     ("int oocpt:tileSize", ["16", "0", "-1", "2147483647"]),
     ("bool oocpt:multipart", ["0", "1"]),
@@ -74,7 +74,7 @@ SETTINGS = [
     ("token arnold:driver", ['"driver_deepexr"', '"driver_tiff"', '""']),
     ("string driver:parameters:OpenEXR:channels", ['"none"']),
     ("string driver:parameters:OpenEXR:é", ['"x"']),
-    ("string driver:parameters:artist", ['"' + "é" * 3000 + '"']),
+    ("string driver:parameters:artist", ['"' + "é字" * 3000 + '"']),
     ("matrix4d driver:parameters:OpenEXR:place", ["((1,0,0,0),(0,1,0,0),(0,0,1,0),(0,0,0,nan))"]),
     ("float[] driver:parameters:OpenEXR:many", ["[1, nan]"]),
     ("bool oocpt:temporary", ["0"]),
@@ -82,8 +82,8 @@ SETTINGS = [
     ("double oocpt:seed", ["nan"]),
 ]
 VAR_SETTINGS = [
-    ("string driver:parameters:aov:name", ['"é"', '""', '"a.b.c"', '"R"', '"' + "n" * 900 + '"', '"../x"']),
-    ("string driver:parameters:aov:format", ['"half"', '"color3h"', '"é"', '""']),
+    ("string driver:parameters:aov:name", ['"é字"', '""', '"a.b.c"', '"R"', '"' + "n" * 900 + '"', '"../x"']),
+    ("string driver:parameters:aov:format", ['"half"', '"color3h"', '"é字"', '""']),
     ("bool driver:parameters:aov:cryptomatte", ["0", "1"]),
     ("string oocpt:cryptomattePrimvar", ['"dept"', '"odd"', '"nobody"', '""']),
     ("float[] driver:parameters:aov:list", ["[]"]),
@@ -100,7 +100,7 @@ def _some(dice: random.Random, rows, most: int) -> str:
 
 def _var(dice: random.Random, name: str) -> str:
     is_path = dice.random() < 0.2
-    kind = "lpe" if is_path else dice.choice(["raw", "raw", "raw", "intrinsic", "primvar", "", "é"])
+    kind = "lpe" if is_path else dice.choice(["raw", "raw", "raw", "intrinsic", "primvar", "", "é字"])
     source = dice.choice(PATHS if is_path else SOURCES)
     return (
         f'def RenderVar "{name}"\n{{\n    uniform token dataType = "{dice.choice(TYPES)}"\n'
@@ -116,7 +116,7 @@ def names(dice: random.Random, folder: str, at: int) -> str:
         + [
             "same.exr", f"{folder}/sub/{at}/../p{at}.exr", f"./a/b/c/p{at}.exr", "", " ", ".exr", "..", "../..", "exr",
             f"p{at}.tif", "/dev/null", "/dev/full", "full.exr", "pipe.exr", "folder.exr", "loop.exr", "folder.exr/x.exr",
-            "text.exr", "text.exr/x.exr", "sky é.exr", f"{'n' * 300}.exr", f"{'d/' * 3000}x.exr", f"{'l' * 5000}.exr",
+            "text.exr", "text.exr/x.exr", "sky é字.exr", f"{'n' * 300}.exr", f"{'d/' * 3000}x.exr", f"{'l' * 5000}.exr",
             "a<F4>.exr", "$F99.exr", "<F999999>.exr", "#" * 300 + ".exr", "nul\\u0000.exr", "new\\nline.exr",
             "/proc/self/x.exr", "file://x.exr", "%s%n.exr", "-rf.exr", "~/x.exr",
         ]
@@ -140,7 +140,7 @@ def _product(dice: random.Random, folder: str, at: int, variables: list[str]) ->
     if dice.random() < 0.1:
         lines.append(f"    uniform float pixelAspectRatio = {dice.choice(NUMBERS)}")
     if dice.random() < 0.1:
-        policy = dice.choice(["cropAperture", "adjustPixelAspectRatio", "é", ""])
+        policy = dice.choice(["cropAperture", "adjustPixelAspectRatio", "é字", ""])
         lines.append(f'    uniform token aspectRatioConformPolicy = "{policy}"')
     if dice.random() < 0.1:
         window = ", ".join(dice.choice(["0", "0.5", "1", "-0.5", *NUMBERS]) for _ in range(4))
@@ -159,7 +159,7 @@ def stage(seed: int, folder: str, count: int) -> str:
     prims += [_product(dice, folder, at, variables) for at in range(count)]
     products = [f"</P{at}>" for at in range(count)]
     products += [dice.choice(["</Broken>", "</Settings>", "</Nobody>", "</V0>", "</Ball>", "</V0.sourceName>"])]
-    space = dice.choice(["", "acescg", "é", "lin_rec709_scene", "raw", "x" * 400])
+    space = dice.choice(["", "acescg", "é字", "lin_rec709_scene", "raw", "x" * 400])
     settings = f'    uniform token renderingColorSpace = "{space}"\n' + _some(
         dice, [("float oocpt:tileSize", NUMBERS), ("string oocpt:unknown", ['"x"']), ("int oocpt:seed", ["-1", "7"])], 2
     )

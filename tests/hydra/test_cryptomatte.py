@@ -171,7 +171,7 @@ def named_scene():
     added = {
         'def Mesh "Mover"': 'string primvars:dept = "hero"\n        string primvars:crypto_asset = "props"',
         'def BasisCurves "Hair"': 'token primvars:dept = "hero"',
-        'def PointInstancer "Forest"': 'string[] primvars:dept = ["oak", "", "fir"] (interpolation = "varying")',
+        'def PointInstancer "Forest"': 'string[] primvars:dept = ["oak", "", "樹é"] (interpolation = "varying")',
         'def PointInstancer "Leaves"': 'string[] primvars:dept = ["", "low"] (interpolation = "varying")',
     }
     text = SCENE
@@ -205,8 +205,8 @@ def test_a_primvar_names_prims_and_instances(tmp_path, front_end):
             header = dict(file.header())
         objects, named = matte(layers, header, "CryptoObject"), matte(layers, header, "CryptoObject_dept")
         own = next(name for name in objects if name.endswith("[1][0]"))
-        assert set(named) == {"hero", "oak", "fir", "low", own}, sorted(named)
-        for name, ends in {"oak": ["[0][0]"], "fir": ["[2][0]"], "low": ["[0][1]", "[1][1]", "[2][1]"]}.items():
+        assert set(named) == {"hero", "oak", "樹é", "low", own}, sorted(named)
+        for name, ends in {"oak": ["[0][0]"], "樹é": ["[2][0]"], "low": ["[0][1]", "[1][1]", "[2][1]"]}.items():
             share = sum(share for thing, share in objects.items() if thing[-6:] in ends)
             assert share.any()
             close(named[name], share, name)

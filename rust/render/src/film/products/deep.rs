@@ -7,11 +7,12 @@
 
 use super::cryptomatte::{self, NamedThings};
 use super::deep_lines::{self, DeepLine};
+use crate::film::picture::exr_text;
 use crate::job::deep::DeepLimits;
 use crate::job::product::{DeepPart, FileChannel, ProductFile, SampleFormat};
 use bytemuck::pod_collect_to_vec;
 use exr::compression::Compression;
-use exr::meta::attribute::{ChannelDescription, ChannelList, LineOrder, SampleType, Text};
+use exr::meta::attribute::{ChannelDescription, ChannelList, LineOrder, SampleType};
 use exr::meta::{BlockDescription, header::Header};
 use exr::prelude::{ImageAttributes, LayerAttributes, Vec2, f16};
 use oocpt_abi::DeepSlot;
@@ -76,7 +77,7 @@ impl<'a> DeepImage<'a> {
         let pixel_bytes = usize::from(self.limits[1].samples()) * size_of::<DeepSlot>();
         let width = self.rows.first().map_or(0, |row| row.len() / pixel_bytes);
         let channels = self.channels.iter().map(|channel| ChannelDescription {
-            name: Text::from(channel.name.as_str()),
+            name: exr_text(channel.name.as_str()),
             sample_type: match channel.format {
                 SampleFormat::Half => SampleType::F16,
                 SampleFormat::Float => SampleType::F32,

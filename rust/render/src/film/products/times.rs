@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //! What the header of a product's file says of time: the frame, its rate, the shutter. Pure.
 
-use crate::film::picture::{PictureAttribute, PictureAttributes};
+use crate::film::picture::{PictureAttribute, PictureAttributes, exr_text};
 use crate::job::product::{FileTimes, ProductFile};
-use exr::meta::attribute::{AttributeValue, Rational, Text, TimeCode};
+use exr::meta::attribute::{AttributeValue, Rational, TimeCode};
 use exr::prelude::{ImageAttributes, LayerAttributes};
 
 /// Attributes of OocPT.
@@ -20,7 +20,7 @@ pub(crate) fn times(file: &ProductFile) -> PictureAttributes {
 pub(super) fn add(file: &ProductFile, layer: &mut LayerAttributes, shared: &mut ImageAttributes) {
     let FileTimes { frame, rate, shutter: [open, close] } = file.times;
     if let Some(frame) = frame {
-        layer.other.insert(Text::from("frame"), AttributeValue::F64(frame));
+        layer.other.insert(exr_text("frame"), AttributeValue::F64(frame));
     }
     let Some(rate) = rate else { return };
     layer.frames_per_second = fraction(rate);
