@@ -14,7 +14,7 @@ use crate::job::request::RenderRequest;
 use crate::job::{RenderJob, SessionOptions};
 use crate::textures::ImageLibrary;
 use oocpt_core::inventory::PrimvarUse;
-use oocpt_core::scene::{PrimNames, Snapshot};
+use oocpt_core::scene::{NamingPrimvar, PrimNames, Snapshot};
 use oocpt_core::settings::Settings;
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -46,6 +46,15 @@ impl RenderAsk {
         let files = self.before.iter().flat_map(|picture| &picture.files).chain(self.products.iter());
         requests.flat_map(|request| &request.aovs).any(|aov| aov.kind.ranks_ids())
             || files.flat_map(|file| &file.channels).any(|channel| channel.cryptomatte.is_some())
+    }
+
+    /// The primvars that name what its pictures show.
+    pub(crate) fn naming(&self) -> Vec<Arc<NamingPrimvar>> {
+        let files = self.before.iter().flat_map(|picture| &picture.files).chain(self.products.iter());
+        let layers = files.flat_map(|file| &file.channels).filter_map(|channel| channel.cryptomatte.as_ref());
+        let mut all: Vec<Arc<NamingPrimvar>> = layers.filter_map(|layer| layer.naming.clone()).collect();
+        all.dedup_by(|a, b| Arc::ptr_eq(a, b));
+        all
     }
 
     /// Names of the primvars that its pictures show, sorted.

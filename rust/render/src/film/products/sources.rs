@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Names of the sources of render vars, as users of hdPrman, Karma and Arnold write them. Pure.
 
+use super::channels::setting;
 use crate::job::aov::AovKind;
 use crate::job::expression::ExpressionId;
 use crate::job::primvar::PrimvarImage;
@@ -156,7 +157,11 @@ fn nearest(name: &str) -> &'static str {
 /// What is wrong with the name of an AOV: says the nearest one.
 pub fn unknown_aov(name: &str) -> Option<String> {
     let var = ProductVar { source_name: name.to_owned(), ..ProductVar::default() };
-    if cryptomatte(&var).is_some() { None } else { source(&var).err() }
+    match cryptomatte(&var) {
+        Ok(Some(_)) => None,
+        Ok(None) => source(&var).err(),
+        Err(text) => Some(text),
+    }
 }
 
 /// Names of Cryptomatte sources; case does not matter.
@@ -169,18 +174,75 @@ const CRYPTOMATTE: [(&str, CryptomatteKind); 6] = [
     ("CryptoAsset", CryptomatteKind::Asset),
 ];
 
-/// What a var of Cryptomatte tells apart, and the layer of ranks that it is alone, as Arnold's users list them.
-pub(super) fn cryptomatte(var: &ProductVar) -> Option<(CryptomatteKind, Option<usize>)> {
-    if !matches!(&*var.source_type, "" | "raw" | "intrinsic") {
-        return None;
-    }
+/// What a var of Cryptomatte asks for.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct MatteSource {
+    pub(super) kind: CryptomatteKind,
+    /// The layer of ranks that it is alone, as Arnold's users list them.
+    pub(super) level: Option<usize>,
+    /// The primvar of text that is to name things.
+    pub(super) primvar: Option<String>,
+}
+
+/// The setting of a var that names the primvar.
+const NAMING: [&str; 1] = ["oocpt:cryptomattePrimvar"];
+/// Most bytes of the name of a primvar.
+const MAX_PRIMVAR: usize = 256;
+
+/// Whether a var of the type `primvar` is a Cryptomatte: of a primvar of text, or with Karma's switch.
+fn is_matte_of_primvar(var: &ProductVar) -> bool {
+    let is_switch = |key: &str| key.starts_with("driver:parameters:aov:") && key.ends_with("cryptomatte");
+    let is_on = |(key, value): &(String, String)| is_switch(key) && matches!(value.trim(), "true" | "1");
+    let is_text = matches!(var.data_type.trim().trim_end_matches("[]"), "string" | "token");
+    var.source_type == "primvar" && (is_text || var.settings.iter().any(is_on))
+}
+
+/// What a var of Cryptomatte asks for; `None` if it is none.
+///
+/// # Errors
+/// What cannot be named by the primvar that it names.
+pub(super) fn cryptomatte(var: &ProductVar) -> Result<Option<MatteSource>, String> {
     let name = var.source_name.trim();
+    if is_matte_of_primvar(var) {
+        let primvar = Some(checked(name)?);
+        return Ok(Some(MatteSource { kind: CryptomatteKind::Object, level: None, primvar }));
+    }
+    if !matches!(&*var.source_type, "" | "raw" | "intrinsic") {
+        return Ok(None);
+    }
+    // `CryptoObject:NAME`, where there are no settings.
+    let (name, primvar) = name.split_once(':').map_or((name, None), |(name, primvar)| (name, Some(primvar)));
     let kind = |name: &str| CRYPTOMATTE.iter().find(|(known, _)| known.eq_ignore_ascii_case(name)).map(|row| row.1);
     let ranks = || {
         let level = ["00", "01", "02"].iter().position(|level| name.ends_with(level))?;
         Some((kind(&name[..name.len() - 2])?, Some(level)))
     };
-    kind(name).map(|kind| (kind, None)).or_else(ranks)
+    let Some((kind, level)) = kind(name).map(|kind| (kind, None)).or_else(ranks) else { return Ok(None) };
+    let primvar = primvar.or_else(|| setting(&var.settings, &NAMING).filter(|name| !name.is_empty()));
+    let primvar = primvar.map(checked).transpose()?;
+    if kind == CryptomatteKind::Material && primvar.is_some() {
+        return Err("a primvar names objects and assets, not materials".to_owned());
+    }
+    Ok(Some(MatteSource { kind, level, primvar }))
+}
+
+/// The name of a primvar, without `primvars:`.
+fn checked(name: &str) -> Result<String, String> {
+    let name = name.strip_prefix("primvars:").unwrap_or(name);
+    let is_name = !name.is_empty() && name.len() <= MAX_PRIMVAR && !name.chars().any(char::is_control);
+    is_name.then(|| name.to_owned()).ok_or_else(|| "the primvar that is to name things has no name".to_owned())
+}
+
+/// The primvar, without `primvars:`, whose texts name what a var shows: that which it names, else the one in which
+/// Arnold's users override the names of its kind; `None` if it shows no names of prims.
+pub fn naming_primvar(var: &ProductVar) -> Option<String> {
+    let source = cryptomatte(var).ok().flatten()?;
+    let usual = match source.kind {
+        CryptomatteKind::Object => Some("crypto_object"),
+        CryptomatteKind::Asset => Some("crypto_asset"),
+        CryptomatteKind::Material => None,
+    };
+    source.primvar.or_else(|| usual.map(str::to_owned))
 }
 
 #[cfg(test)]
@@ -267,15 +329,45 @@ mod tests {
         }
         assert_eq!(of("UV", "raw", "float2"), Ok(("primvars:st".into(), "XY", true)));
         assert_eq!(of("primvars:dust", "raw", "int"), Ok(("primvars:dust".into(), "X", false)));
-        assert!(of("name", "primvar", "string").is_err() && of("", "primvar", "float").is_err());
+        assert!(of("name", "primvar", "asset").is_err() && of("", "primvar", "float").is_err());
     }
 
     #[test]
     fn layers_of_ranks_are_parts_of_a_cryptomatte() {
-        let of = |name: &str, kind: &str| cryptomatte(&var(name, kind));
+        let of = |name: &str, kind: &str| {
+            cryptomatte(&var(name, kind)).expect("no error").map(|source| (source.kind, source.level))
+        };
         assert_eq!(of("crypto_asset", "raw"), Some((CryptomatteKind::Asset, None)));
         assert_eq!(of("crypto_object01", ""), Some((CryptomatteKind::Object, Some(1))));
         assert_eq!(of("CRYPTOMATERIAL02", ""), Some((CryptomatteKind::Material, Some(2))));
         assert_eq!([of("crypto_asset03", ""), of("crypto_asset", "lpe"), of("crypto", "")], [None; 3]);
+    }
+
+    #[test]
+    fn a_cryptomatte_may_be_named_by_a_primvar() {
+        let of = |name: &str, kind: &str, data_type: &str, settings: &[(&str, &str)]| {
+            let settings = settings.iter().map(|(key, value)| ((*key).to_owned(), (*value).to_owned())).collect();
+            naming_primvar(&ProductVar { data_type: data_type.into(), settings, ..var(name, kind) })
+        };
+        let named = |name: &str| Some(name.to_owned());
+        assert_eq!(of("CryptoObject", "raw", "", &[]), named("crypto_object"), "Arnold's, if nothing is named");
+        assert_eq!(of("crypto_asset01", "", "", &[]), named("crypto_asset"));
+        assert_eq!(of("crypto_object", "raw", "", &[(NAMING[0], " primvars:dept ")]), named("dept"));
+        assert_eq!(of("CryptoAsset:user:dept", "", "", &[]), named("user:dept"));
+        assert_eq!(of("dept", "primvar", "string", &[]), named("dept"), "text is shown by names");
+        let karma = "driver:parameters:aov:cryptomatte";
+        assert_eq!(of("primvars:dept", "primvar", "color3f", &[(karma, "1")]), named("dept"));
+        for (name, kind, data_type, settings) in [
+            ("dept", "primvar", "color3f", &[(karma, "false")][..]),
+            ("CryptoMaterial", "raw", "", &[]),
+            ("CryptoMaterial:dept", "raw", "", &[]),
+            ("CryptoObject:", "raw", "", &[]),
+            ("CryptoObject:a\nb", "raw", "", &[]),
+            ("albedo:dept", "raw", "", &[]),
+        ] {
+            assert_eq!(of(name, kind, data_type, settings), None, "{name}");
+        }
+        assert!(unknown_aov("CryptoMaterial:dept").is_some_and(|text| text.contains("not materials")));
+        assert_eq!(unknown_aov("CryptoObject:dept"), None);
     }
 }
