@@ -179,8 +179,12 @@ def named_scene():
         start = text.index("{", text.index(head)) + 1
         text = f"{text[:start]}\n        {line}{text[start:]}"
     odd = CARD + '        string[] primvars:dept = ["by face"] (interpolation = "uniform")\n'
-    return text.replace('    def Mesh "Mover"', f'    def Mesh "Odd"\n    {{\n{odd}        double3 xformOp:translate = (99, 0, 0)\n'
-                        '        uniform token[] xformOpOrder = ["xformOp:translate"]\n    }\n    def Mesh "Mover"', 1)  # fmt: skip
+    odd += (
+        "        double3 xformOp:translate = (99, 0, 0)\n"
+        '        uniform token[] xformOpOrder = ["xformOp:translate"]\n'
+    )
+    mover = '    def Mesh "Mover"'
+    return text.replace(mover, f'    def Mesh "Odd"\n    {{\n{odd}    }}\n{mover}', 1)
 
 
 @pytest.mark.parametrize("front_end", ["0", "1"], ids=["legacy", "scene_index"])

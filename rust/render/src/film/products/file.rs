@@ -245,7 +245,7 @@ fn chromaticities(space: &FileSpace) -> Chromaticities {
 /// a pixel by these weights.
 fn samples(rows: &[&[u8]], channel: &FileChannel, of_color: Option<[f64; 3]>) -> FlatSamples {
     let (bytes, offset) = (channel.kind.pixel_bytes(), 4 * channel.component);
-    let is_id = matches!(channel.kind, AovKind::PrimId | AovKind::InstanceId | AovKind::ElementId);
+    let is_id = channel.kind.is_id();
     let word = move |pixel: &[u8]| -> [u8; 4] {
         pixel.get(offset..offset + 4).and_then(|word| word.try_into().ok()).unwrap_or_default()
     };

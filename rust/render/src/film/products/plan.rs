@@ -6,7 +6,7 @@ use crate::job::aov::{AovKind, AovRequest};
 use crate::job::deep::DeepLimits;
 use crate::job::expression::{ExpressionId, fit_together};
 use crate::job::product::{
-    FileChannel, FileCompression, FileTimes, ProductFile, ProductPicture, ProductVar, RenderProduct,
+    FileChannel, FileCompression, FileTimes, ProductFile, ProductPicture, ProductVar, RenderProduct, setting,
 };
 use crate::job::request::RenderRequest;
 use oocpt_abi::MAX_SHOWN_PRIMVARS;
@@ -98,7 +98,7 @@ fn file_of(
     (taken, parts): (&[PathBuf], &mut PlannedParts),
     warnings: &mut Vec<String>,
 ) -> Result<ProductFile, String> {
-    let has_deep_driver = channels::setting(&product.settings, &["arnold:driver"]) == Some("driver_deepexr");
+    let has_deep_driver = setting(&product.settings, &["arnold:driver"]) == Some("driver_deepexr");
     let deep = match &*product.kind {
         // Arnold's users also write the name of the renderer.
         "" | "raster" | "arnold" if !has_deep_driver => None,
@@ -126,7 +126,7 @@ fn file_of(
     let mut compression = compression_of(product, warnings);
     if deep.is_some() && !compression.is_of_deep_images() {
         // Without a word where nobody asked: zip is what is used where nothing is said.
-        if channels::setting(&product.settings, &COMPRESSION).is_some() {
+        if setting(&product.settings, &COMPRESSION).is_some() {
             warnings.push(format!("{}: deep images are compressed by none or zips; zips is used", product.prim));
         }
         compression = FileCompression::Zips;
@@ -148,7 +148,7 @@ fn file_of(
         display_size: product.display_size,
         data_corner: product.data_corner,
         times: FileTimes { frame: product.frame, rate: product.rate, shutter: product.shutter },
-        is_temporary: channels::setting(&product.settings, &["oocpt:temporary"]) == Some("true"),
+        is_temporary: setting(&product.settings, &["oocpt:temporary"]) == Some("true"),
     })
 }
 
@@ -226,7 +226,7 @@ fn channels_of(
 fn deep_limits(product: &RenderProduct, warnings: &mut Vec<String>) -> DeepLimits {
     let mut limits = DeepLimits::default();
     let mut take = |name: &str, of: &dyn Fn(DeepLimits, f32) -> Option<DeepLimits>| {
-        let Some(text) = channels::setting(&product.settings, &[name]) else { return };
+        let Some(text) = setting(&product.settings, &[name]) else { return };
         match text.parse().ok().and_then(|number| of(limits, number)) {
             Some(changed) => limits = changed,
             None => warnings.push(format!("{}: {name} cannot be {text}; it is left out", product.prim)),
@@ -257,7 +257,7 @@ const COMPRESSION: [&str; 4] = [
 ];
 
 fn compression_of(product: &RenderProduct, warnings: &mut Vec<String>) -> FileCompression {
-    let Some(name) = channels::setting(&product.settings, &COMPRESSION) else { return FileCompression::Zip };
+    let Some(name) = setting(&product.settings, &COMPRESSION) else { return FileCompression::Zip };
     // OpenImageIO's names may have a level behind a colon.
     match name.split(':').next().unwrap_or(name).to_lowercase().as_str() {
         "none" | "" => FileCompression::None,

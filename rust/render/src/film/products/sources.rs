@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Names of the sources of render vars, as users of hdPrman, Karma and Arnold write them. Pure.
 
-use super::channels::setting;
 use crate::job::aov::AovKind;
 use crate::job::expression::ExpressionId;
 use crate::job::primvar::PrimvarImage;
-use crate::job::product::{CryptomatteKind, ProductVar};
+use crate::job::product::{CryptomatteKind, ProductVar, setting};
 
 /// A source and the names that it goes by.
 #[derive(Clone, Copy)]
@@ -23,7 +22,7 @@ const fn row(kind: AovKind, parts: &'static str, first: usize, names: &'static [
 }
 
 /// Names of raw and intrinsic sources; compared without regard to case where none is alike in its case.
-const ROWS: [SourceRow; 21] = [
+const ROWS: [SourceRow; 24] = [
     row(AovKind::Color, "RGBA", 0, &["color", "Ci", "C", "rgba", "rgb", "beauty", "combined"]),
     row(AovKind::Color, "A", 3, &["a", "alpha", "opacity"]),
     row(AovKind::CameraDepth, "Z", 0, &["z", "cameraDepth", "linearDepth", "hitPz", "ray:hitPz"]),
@@ -38,6 +37,9 @@ const ROWS: [SourceRow; 21] = [
     row(AovKind::PrimId, "I", 0, &["primId", "id"]),
     row(AovKind::InstanceId, "I", 0, &["instanceId"]),
     row(AovKind::ElementId, "I", 0, &["elementId"]),
+    row(AovKind::MaterialId, "I", 0, &["materialId"]),
+    row(AovKind::Shadow, "RGB", 0, &["shadow", "shadows", "occluded", "shadow_matte"]),
+    row(AovKind::ShadowCatcher, "A", 0, &["shadowCatcher", "shadow_catcher"]),
     row(AovKind::SampleCount, "N", 0, &["sampleCount"]),
     row(AovKind::Position, "XYZ", 0, &["position", "P", "Pworld", "__Pworld", "worldPosition", "hitP", "ray:hitP"]),
     row(AovKind::Peye, "XYZ", 0, &["Peye"]),
@@ -85,6 +87,12 @@ fn named_part(name: &str) -> Option<String> {
     })
 }
 
+/// The share of the luminance where one number of a shadow is asked for.
+fn of_type(found: SourceRow, data_type: &str) -> SourceRow {
+    let is_one = matches!(data_type.trim(), "float" | "half" | "double");
+    if found.kind == AovKind::Shadow && is_one { row(found.kind, "Y", 3, &[]) } else { found }
+}
+
 fn of_expression(path: &str) -> Result<SourceRow, String> {
     let expression = ExpressionId::of(path)?;
     let part = row(AovKind::Light(expression), "RGB", 0, &[]);
@@ -127,6 +135,7 @@ pub(super) fn source(var: &ProductVar) -> Result<SourceRow, String> {
         ("" | "raw" | "intrinsic", name) => {
             let alike = |same: fn(&str, &str) -> bool| ROWS.iter().find(|row| row.names.iter().any(|n| same(n, name)));
             let found = alike(|a, b| a == b).or_else(|| alike(str::eq_ignore_ascii_case)).copied().map(Ok);
+            let found = found.map(|row| row.map(|row| of_type(row, &var.data_type)));
             let found = found.or_else(|| named_part(name).map(|path| of_expression(&path)));
             let found = found.or_else(|| primvar_name(name).map(|name| of_primvar(name, &var.data_type)));
             found.unwrap_or_else(|| Err(format!("there is no source {name}; did you mean {}?", nearest(name))))
@@ -261,6 +270,12 @@ mod tests {
         assert_eq!(kind("ray:hitNg", "intrinsic"), Ok(AovKind::GeometricNormal));
         assert_eq!(kind("Peye", "raw"), Ok(AovKind::Peye));
         assert_eq!([kind("variance", "raw"), kind("error", "")], [Ok(AovKind::Variance), Ok(AovKind::Error)]);
+        assert_eq!([kind("occluded", "raw"), kind("materialId", "")], [Ok(AovKind::Shadow), Ok(AovKind::MaterialId)]);
+        let shadow = |data_type: &str| {
+            let var = ProductVar { data_type: data_type.into(), ..var("shadow", "raw") };
+            source(&var).map(|row| (row.parts, row.first))
+        };
+        assert_eq!([shadow("color3f"), shadow("float")], [Ok(("RGB", 0)), Ok(("Y", 3))], "channels, or the luminance");
         assert_eq!(kind("PRIMID", "intrinsic"), Ok(AovKind::PrimId), "whatever its case");
         assert!(kind("albdo", "raw").is_err_and(|text| text.contains("albedo")), "the nearest");
         let part = AovKind::from_token("lpe:C<RD>L").expect("an expression");
