@@ -171,10 +171,14 @@ def named_scene():
     added = {
         'def Mesh "Mover"': 'string primvars:dept = "hero"\n        string primvars:crypto_asset = "props"',
         'def BasisCurves "Hair"': 'token primvars:dept = "hero"',
-        'def PointInstancer "Forest"': 'string[] primvars:dept = ["oak", "", "樹é"] (interpolation = "varying")',
+        'def PointInstancer "Forest"': 'string[] primvars:dept = ["far", "oak", "", "樹é"] (interpolation = "varying")',
         'def PointInstancer "Leaves"': 'string[] primvars:dept = ["", "low"] (interpolation = "varying")',
     }
-    text = SCENE
+    # One more prototype, out of sight, so that numbers of instances are not their indices in a prototype.
+    text = SCENE.replace("[0, 0, 0]", "[1, 0, 0, 0]", 1).replace("[(-1.2, -0.6, 0)", "[(99, 0, 0), (-1.2, -0.6, 0)", 1)
+    text = text.replace("rel prototypes = </World/Forest/Tree>", "rel prototypes = [</World/Forest/Tree>, </World/Forest/Far>]", 1)
+    tree = '        def Xform "Tree"'
+    text = text.replace(tree, f'        def Mesh "Far"\n        {{\n{CARD}        }}\n{tree}', 1)
     for head, line in added.items():
         start = text.index("{", text.index(head)) + 1
         text = f"{text[:start]}\n        {line}{text[start:]}"
