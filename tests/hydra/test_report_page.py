@@ -73,7 +73,7 @@ def rendered(pool, tmp_path_factory):
     folder = tmp_path_factory.mktemp("reports")
     for name, more in [("whole", {}), ("streamed", {"oocpt:chunkReport": str(folder / "chunks.json")})]:
         settings = {"oocpt:samplesPerPixel": 16, "oocpt:maxBounces": 2, "oocpt:report": str(folder / f"{name}.jsonl")}
-        settings |= {"oocpt:chunkSize": 1, "enableInteractive": False} | more
+        settings |= {"oocpt:chunkSize": 16, "enableInteractive": False} | more
         with pool.get("legacy").open(small.FOLDER / "glow.usda", (48, 32), settings=settings) as view:
             view.render()
     return folder

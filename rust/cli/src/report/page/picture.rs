@@ -45,15 +45,11 @@ pub(super) fn of_file(file: &Path) -> Result<EmbeddedPicture> {
     reader.limits(limits);
     let image = reader.decode().with_context(name)?;
     let [width, height] = fitted(image.width(), image.height());
-    match image {
-        DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_) => {
-            let mut linear = image.into_rgb32f();
-            // One pixel without bounds would leave none of the others in the mean.
-            linear.iter_mut().for_each(|value| *value = if value.is_nan() { 0.0 } else { value.clamp(0.0, 64.0) });
-            EmbeddedPicture::new(&encoded(&thumbnail(&linear, width, height)))
-        }
-        image => EmbeddedPicture::new(&thumbnail(&image.into_rgb8(), width, height)),
-    }
+    let shown = match image {
+        DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_) => encoded(&image.into_rgb32f()),
+        image => image.into_rgb8(),
+    };
+    EmbeddedPicture::new(&thumbnail(&shown, width, height))
 }
 
 /// The size at which a picture is on the page.
@@ -98,6 +94,28 @@ mod tests {
         assert_eq!(fitted(640, 480), [640, 480]);
         assert_eq!(fitted(2560, 100), [1280, 50]);
         assert_eq!(fitted(3, MAX_SIDE), [1, SIDE], "no side is empty");
+    }
+
+    #[test]
+    fn files_are_shown_in_their_colours() {
+        let folder = std::env::temp_dir().join(format!("oocpt-colours-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).expect("a temporary folder");
+        let (linear, encoded) = (folder.join("linear.exr"), folder.join("encoded.png"));
+        Rgb32FImage::from_pixel(1300, 4, image::Rgb([0.25, f32::NAN, 9e30])).save(&linear).expect("a picture");
+        RgbImage::from_pixel(1300, 4, image::Rgb([137, 0, 255])).save(&encoded).expect("a picture");
+        for file in [linear, encoded] {
+            let EmbeddedPicture { size, address } = of_file(&file).expect("a picture");
+            let png = STANDARD.decode(address.split_once(',').expect("an address").1).expect("base64");
+            let shown = image::load_from_memory(&png).expect("a PNG").into_rgb8();
+            assert_eq!((shown.dimensions().into(), size), (size, [1280, 3]), "{}", file.display());
+            assert!(
+                shown.pixels().all(|pixel| pixel.0 == [137, 0, 255]),
+                "{}: {:?}",
+                file.display(),
+                shown.get_pixel(7, 1)
+            );
+        }
+        std::fs::remove_dir_all(&folder).expect("it is there");
     }
 
     #[test]
