@@ -174,6 +174,7 @@ fn files_belong_to_the_report_before_them() {
         std::fs::write(path(name), HEADER).expect("a report");
     }
     image::RgbImage::from_pixel(5, 2, image::Rgb([9; 3])).save(path("other.png")).expect("a picture");
+    image::RgbImage::new(7, 7).save(path("a.png")).expect("a picture that another one is named for");
     image::Rgb32FImage::from_pixel(3000, 2, image::Rgb([f32::NAN, 0.5, 9e30])).save(path("b.exr")).expect("a picture");
     let chunks = ChunkReport {
         version: 1,
