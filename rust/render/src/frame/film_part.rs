@@ -39,6 +39,8 @@ fn obstacle(job: &RenderJob) -> Option<&'static str> {
         Some("samples of oocpt:stragglerRoulette do not merge")
     } else if settings.pixel_filter == PixelFilterKind::Mitchell {
         Some("samples of a filter that is negative in part (oocpt:pixelFilter mitchell) do not merge")
+    } else if job.snapshot.surfaces.catches_shadows() {
+        Some("the alpha of shadow catchers does not merge")
     } else {
         None
     }

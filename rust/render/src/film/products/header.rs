@@ -30,7 +30,7 @@ const ATTRIBUTES: [&str; 3] =
 const OPTIONS: [&str; 8] =
     ["tiled", "storage", "tilesize", "multipart", "compression", "dwa_compression", "asrgba", "autocrop"];
 /// Attributes that `OpenEXR` defines, of other types than text, or that a product has of itself.
-const RESERVED: [&str; 46] = [
+const RESERVED: [&str; 48] = [
     "adoptedNeutral",
     "altitude",
     "aperture",
@@ -45,6 +45,7 @@ const RESERVED: [&str; 46] = [
     "envmap",
     "expTime",
     "focus",
+    "frame",
     "framesPerSecond",
     "idManifest",
     "imageCounter",
@@ -66,6 +67,7 @@ const RESERVED: [&str; 46] = [
     "renderingTransform",
     "screenWindowCenter",
     "screenWindowWidth",
+    "software",
     "tiles",
     "timeCode",
     "type",

@@ -5,7 +5,9 @@ use super::{channels, frame_name, header};
 use crate::job::aov::{AovKind, AovRequest};
 use crate::job::deep::DeepLimits;
 use crate::job::expression::{ExpressionId, fit_together};
-use crate::job::product::{FileChannel, FileCompression, ProductFile, ProductPicture, ProductVar, RenderProduct};
+use crate::job::product::{
+    FileChannel, FileCompression, FileTimes, ProductFile, ProductPicture, ProductVar, RenderProduct,
+};
 use crate::job::request::RenderRequest;
 use oocpt_abi::MAX_SHOWN_PRIMVARS;
 use oocpt_core::file_space::FileSpace;
@@ -17,6 +19,8 @@ const MAX_PRODUCTS: usize = 256;
 const MAX_CHANNELS: usize = 1024;
 /// Most bytes of a file's name.
 const MAX_NAME_BYTES: usize = 4096;
+/// Most characters of a warning, which may quote what a scene says.
+const MAX_WARNING: usize = 400;
 
 /// The files of a render.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -45,7 +49,16 @@ pub(crate) fn plan(products: &[RenderProduct]) -> ProductPlan {
     if let Some(first) = products.get(MAX_PRODUCTS) {
         plan.warnings.push(format!("{}: only {MAX_PRODUCTS} products are written", first.prim));
     }
+    plan.warnings.iter_mut().for_each(shorten);
     plan
+}
+
+/// Leaves the beginning of a long warning.
+fn shorten(warning: &mut String) {
+    if let Some((end, _)) = warning.char_indices().nth(MAX_WARNING) {
+        warning.truncate(end);
+        warning.push_str(" ...");
+    }
 }
 
 impl ProductPlan {
@@ -91,6 +104,9 @@ fn file_of(
         "deepRaster" | "deep" => Some(deep_limits(product, warnings)),
         kind => return Err(format!("its productType {kind} is not supported")),
     };
+    if !product.missing.is_empty() {
+        return Err(product.missing.clone());
+    }
     let path = path_of(product)?;
     if taken.contains(&path) {
         return Err(format!("another product is {}", path.display()));
@@ -129,7 +145,7 @@ fn file_of(
         pixel_aspect: product.pixel_aspect,
         display_size: product.display_size,
         data_corner: product.data_corner,
-        frame: product.frame,
+        times: FileTimes { frame: product.frame, rate: product.rate, shutter: product.shutter },
         is_temporary: channels::setting(&product.settings, &["oocpt:temporary"]) == Some("true"),
     })
 }
@@ -193,7 +209,7 @@ fn channels_of(
         };
         match channels {
             Ok(channels) if all.len() + channels.len() <= MAX_CHANNELS => {
-                let remarks = channels.iter().filter_map(channels::remark);
+                let remarks = channels.iter().filter_map(channels::remark).chain(channels::remark_of_names(var));
                 warnings.extend(remarks.map(|text| format!("{}: {text}", var.prim)));
                 all.extend(channels);
             }
@@ -447,6 +463,7 @@ mod tests {
             source_name: text(),
             source_type: text(),
             settings: vec![("driver:parameters:aov:name".into(), text())],
+            naming: None,
         });
         let mut settings = vec![(COMPRESSION[0].into(), text())];
         for key in ["oocpt:tiled", "oocpt:tileSize", "oocpt:multipart", "driver:parameters:OpenEXR:storage"] {
@@ -468,6 +485,9 @@ mod tests {
             display_size: [sides[next(random, 5)], sides[next(random, 5)]],
             data_corner: [i32::MIN, i32::MAX],
             frame: [None, Some(f64::MAX), Some(-3.0)][next(random, 3)],
+            rate: [None, Some(24.0), Some(1e-30)][next(random, 3)],
+            shutter: [0.0, 0.5],
+            missing: String::new(),
             picture: (next(random, 2) == 0).then(|| picture(sides[next(random, 5)])),
         }
     }
@@ -482,6 +502,7 @@ mod tests {
             let files: Vec<&ProductFile> =
                 plan.of_host.iter().chain(plan.before.iter().flat_map(|p| &p.files)).collect();
             assert!(files.len() + plan.warnings.len() > 0, "{product:?}");
+            assert!(plan.warnings.iter().all(|text| text.chars().count() < MAX_WARNING + 5), "{product:?}");
             for file in files {
                 written += 1;
                 let extension = file.path.extension().expect("one");
