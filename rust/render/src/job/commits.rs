@@ -103,6 +103,7 @@ impl RenderAsk {
             fixed_host_bytes,
             goes_on,
             film_window: None,
+            team: None,
             generation,
         })
     }

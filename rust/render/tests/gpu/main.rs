@@ -43,6 +43,7 @@ mod ranked_ids;
 mod refitted;
 mod sample_counts;
 mod scenes;
+mod several_devices;
 mod streaming;
 mod support;
 mod target_error;
