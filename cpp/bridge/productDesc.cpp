@@ -94,19 +94,25 @@ rust::Vec<oocpt::ProductDesc> HdOocPTDescribeProducts(
 {
     rust::Vec<oocpt::ProductDesc> descs;
     const std::optional<double> frame = reader.GetCurrentFrame();
+    const double rate = reader.GetProducts().empty() ? 0.0 : reader.GetTimeCodesPerSecond();
     for (const HdOocPTProduct& product : reader.GetProducts()) {
         const std::optional<HdOocPTProductView> view = reader.GetProductView(product);
-        if (!view) {
-            warnings->Add(product.path,
-                "the product is not written: its camera <" + product.camera.GetString()
-                    + "> or its resolution is not there");
-            continue;
-        }
-        const std::array<int32_t, 4> pixels = _Pixels(product);
         oocpt::ProductDesc desc {};
         desc.path = _Text(product.path.GetString());
-        desc.kind = _Text(product.type.GetString());
         desc.name = _Text(product.name);
+        if (!view) {
+            desc.missing
+                = _Text("its camera <" + product.camera.GetString() + "> or its resolution is not there, or is empty");
+            descs.push_back(std::move(desc));
+            continue;
+        }
+        if (!reader.IsShutterOf(product.camera)) {
+            warnings->Add(product.path,
+                "the shutter of its camera <" + product.camera.GetString()
+                    + "> opens and closes at other times than that of the host's camera, which counts");
+        }
+        const std::array<int32_t, 4> pixels = _Pixels(product);
+        desc.kind = _Text(product.type.GetString());
         for (const HdOocPTProductVar& var : product.vars) {
             desc.vars.push_back({ _Text(var.path.GetString()), _Text(var.dataType.GetString()), _Text(var.sourceName),
                 _Text(var.sourceType.GetString()), _DescribeSettings(var.settings) });
@@ -119,6 +125,8 @@ rust::Vec<oocpt::ProductDesc> HdOocPTDescribeProducts(
         desc.data_corner = { pixels[0], pixels[1] };
         desc.has_frame = frame.has_value();
         desc.frame = frame.value_or(0.0);
+        desc.time_codes_per_second = rate;
+        desc.shutter = { reader.GetShutter().open, reader.GetShutter().close };
         desc.is_of_host = _IsOfHost(product, *view, request);
         desc.picture = _DescribePicture(reader, product, *view, pixels, hasLens, warnings);
         descs.push_back(std::move(desc));

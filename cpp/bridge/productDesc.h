@@ -15,8 +15,7 @@ struct ProductDesc;
 PXR_NAMESPACE_OPEN_SCOPE
 
 /// Describes the products of a scene for Rust. A product with the camera and the size of the host's request is written
-/// of the host's picture, all others of pictures of their own. A product whose camera is not there is left out, with a
-/// warning.
+/// of the host's picture, all others of pictures of their own. One whose camera is not there says so.
 rust::Vec<oocpt::ProductDesc> HdOocPTDescribeProducts(
     const HdOocPTSceneReader& reader, const HdOocPTRenderRequest& request, bool hasLens, HdOocPTWarnings* warnings);
 

@@ -66,6 +66,7 @@ public:
     void ForwardSetting(const TfToken& key, const VtValue& value);
     HdOocPTSettingMap TakeSceneSettings();
     void ForwardPrimSettings();
+    void ForwardNames(const rust::Vec<oocpt::ProductDesc>& products);
     bool IsAnySet(std::initializer_list<TfToken> switches) const;
     bool IsStill() const;
 
@@ -78,6 +79,9 @@ public:
     HdOocPTSettingMap primSettings;
     /// Settings of the scene that were refused, each reported once.
     std::set<TfToken> refusedSettings;
+    /// The primvars that were read to name what Cryptomatte layers show, and the revision of the scene then.
+    std::vector<std::string> naming;
+    uint64_t namingRevision = 0;
 
     /// Guards the members that follow.
     std::mutex mutex;
@@ -145,6 +149,25 @@ void HdOocPTSession::_Impl::ForwardPrimSettings()
         ForwardSetting(key, value);
     }
     primSettings = current;
+}
+
+/// Forwards the primvars that name what products show, if they may be others.
+void HdOocPTSession::_Impl::ForwardNames(const rust::Vec<oocpt::ProductDesc>& products)
+{
+    std::vector<std::string> names;
+    for (const rust::String& name : oocpt::naming_primvars(products)) {
+        names.emplace_back(name);
+    }
+    if (names == naming && (names.empty() || namingRevision == reader->GetRevision())) {
+        return;
+    }
+    rust::Vec<oocpt::NamingPrimvarDesc> primvars;
+    for (const std::string& name : names) {
+        primvars.push_back({ rust::String(name), reader->ReadTexts(TfToken(name), &warnings) });
+    }
+    (*session)->set_naming_primvars(std::move(primvars));
+    naming = std::move(names);
+    namingRevision = reader->GetRevision();
 }
 
 /// Returns true if a setting of the host, or a namespaced one of the scene, turns one of these switches on.
@@ -261,6 +284,7 @@ void HdOocPTSession::Render(const HdOocPTRenderRequest& request)
             HdOocPTDescribeCamera(*_impl->reader, request.cameraPath, viewToWorld, &desc, &_impl->warnings);
             if ((*_impl->session)->writes_products()) {
                 products = HdOocPTDescribeProducts(*_impl->reader, request, hasLens, &_impl->warnings);
+                _impl->ForwardNames(products);
             }
         }
         const auto isMotion = [](const HdOocPTAovRequest& aov) { return aov.name == HdOocPTSceneTokens->motion; };

@@ -180,6 +180,9 @@ std::vector<HdOocPTAov> _MakeAovs()
         { TfToken("denoised"), HdFormatFloat32Vec4, VtValue(GfVec4f(0.0f)) },
         { TfToken("variance"), HdFormatFloat32Vec3, zero3 },
         { TfToken("error"), HdFormatFloat32, VtValue(0.0f) },
+        { TfToken("materialId"), HdFormatInt32, VtValue(-1) },
+        { TfToken("shadow"), HdFormatFloat32Vec4, VtValue(GfVec4f(0.0f)) },
+        { TfToken("shadowCatcher"), HdFormatFloat32, VtValue(0.0f) },
     };
 }
 

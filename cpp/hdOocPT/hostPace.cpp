@@ -10,8 +10,10 @@ PXR_NAMESPACE_OPEN_SCOPE
 
 namespace {
 
-// After this many questions the host is judged by how often it has slept in between.
+// After this many questions the host is judged by how often it has slept in between. One with a window may ask several
+// times a frame, as the tasks of a task controller do, and one without may wait for a lock now and then.
 constexpr int _askedToJudge = 64;
+constexpr int _sleptOfBusy = _askedToJudge / 8;
 constexpr int _waitSteps = 25;
 constexpr std::chrono::milliseconds _waitStep(2);
 
@@ -33,26 +35,43 @@ long _SleptCount()
 
 void HdOocPTHostPace::Hold(std::function<bool()> const& isDone)
 {
-    if (_askedCount == 0) {
-        _sleptCount = _SleptCount();
-    }
-    if (++_askedCount < _askedToJudge) {
-        return;
-    }
-    // A host may wait for a lock now and then.
-    if (_SleptCount() - _sleptCount > _askedToJudge / 2) {
-        Restart();
+    if (!_IsBusy()) {
         return;
     }
     long const sleptBefore = _SleptCount();
     for (int step = 0; step < _waitSteps && !isDone(); ++step) {
         std::this_thread::sleep_for(_waitStep);
     }
-    _sleptCount += _SleptCount() - sleptBefore;
+    std::lock_guard<std::mutex> const lock(_mutex);
+    if (_thread == std::this_thread::get_id()) {
+        _sleptCount += _SleptCount() - sleptBefore;
+    }
+}
+
+bool HdOocPTHostPace::_IsBusy()
+{
+    std::lock_guard<std::mutex> const lock(_mutex);
+    if (_thread != std::this_thread::get_id()) {
+        _thread = std::this_thread::get_id();
+        _askedCount = 0;
+    }
+    long const sleptCount = _SleptCount();
+    if (_askedCount == 0) {
+        _sleptCount = sleptCount;
+    }
+    if (++_askedCount < _askedToJudge) {
+        return false;
+    }
+    if (sleptCount - _sleptCount > _sleptOfBusy) {
+        _askedCount = 0;
+        return false;
+    }
+    return true;
 }
 
 void HdOocPTHostPace::Restart()
 {
+    std::lock_guard<std::mutex> const lock(_mutex);
     _askedCount = 0;
 }
 

@@ -6,12 +6,15 @@
 #include "pxr/pxr.h"
 
 #include <functional>
+#include <mutex>
+#include <thread>
 
 PXR_NAMESPACE_OPEN_SCOPE
 
 /// Blender's final renders execute, ask, and copy all images without pause, which takes a core from the renderer where
 /// that is a processor, and is heat elsewhere. Hosts with a window sleep at least once a frame, until the next event or
-/// the display's next picture; these are never held up. Threads: the host's only.
+/// the display's next picture, and ask a few times a frame; these are never held up. Threads: any. Each thread is
+/// judged by itself: the count begins anew when another one asks.
 class HdOocPTHostPace
 {
 public:
@@ -23,6 +26,11 @@ public:
     void Restart();
 
 private:
+    /// Counts a question; returns true if the host, which is on this thread, has asked often and hardly slept.
+    bool _IsBusy();
+
+    std::mutex _mutex;
+    std::thread::id _thread;
     int _askedCount = 0;
     long _sleptCount = -1;
 };

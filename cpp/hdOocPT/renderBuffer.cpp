@@ -55,7 +55,7 @@ void HdOocPTRenderBuffer::Bind(HdOocPTAov const* aov, VtValue const& clearValue)
     _aov = aov;
     _holdsImage = false;
     _isStretched = false;
-    _isFilled = _mapCount == 0;
+    _isFilled = !_isHandedOut;
     if (_isFilled) {
         _clearValue = clearValue;
         HdOocPTFillPixels(clearValue, _pixels.data(), _format, _PixelCount());
@@ -81,13 +81,12 @@ bool HdOocPTRenderBuffer::Allocate(GfVec3i const& dimensions, HdFormat format, b
                 dimensions[0], dimensions[1]);
             return false;
         }
-        // Until there is a picture of the new size the host shows the one that was there.
-        bool const isStretched
-            = _StretchTo(static_cast<size_t>(dimensions[0]), static_cast<size_t>(dimensions[1]), format);
-        if (!isStretched) {
-            _Deallocate();
-        }
+        // Held throughout: another thread may read the buffer meanwhile.
         std::lock_guard<std::mutex> const lock(_mutex);
+        // Until there is a picture of the new size the host shows the one that was there.
+        if (!_StretchTo(static_cast<size_t>(dimensions[0]), static_cast<size_t>(dimensions[1]), format)) {
+            _Clear();
+        }
         _pixels.resize(static_cast<size_t>(byteCount), 0);
         _width = static_cast<unsigned int>(dimensions[0]);
         _height = static_cast<unsigned int>(dimensions[1]);
@@ -98,29 +97,43 @@ bool HdOocPTRenderBuffer::Allocate(GfVec3i const& dimensions, HdFormat format, b
 
 bool HdOocPTRenderBuffer::_StretchTo(size_t width, size_t height, HdFormat format)
 {
-    std::lock_guard<std::mutex> const lock(_mutex);
     bool const showsImage = _holdsImage || _isStretched;
-    if (!showsImage || format != _format || _PixelCount() == 0 || width * height == 0 || _mapCount > 0) {
+    if (!showsImage || format != _format || _PixelCount() == 0 || width * height == 0) {
         return false;
     }
-    _pixels = _Resized(_pixels, _width, _height, width, height, HdDataSizeOfFormat(format));
-    std::vector<unsigned char>().swap(_unconverted);
+    std::vector<unsigned char> resized = _Resized(_pixels, _width, _height, width, height, HdDataSizeOfFormat(format));
+    _DropPixels();
+    _pixels = std::move(resized);
     _holdsImage = false;
     _isStretched = true;
     return true;
 }
 
-void HdOocPTRenderBuffer::_Deallocate()
+void HdOocPTRenderBuffer::_DropPixels()
 {
-    std::lock_guard<std::mutex> const lock(_mutex);
+    if (_isHandedOut) {
+        _stillMapped.push_back(std::move(_pixels));
+        _isHandedOut = false;
+    }
+    std::vector<unsigned char>().swap(_pixels);
+    std::vector<unsigned char>().swap(_unconverted);
+}
+
+void HdOocPTRenderBuffer::_Clear()
+{
     _width = 0;
     _height = 0;
     _format = HdFormatInvalid;
     _holdsImage = false;
     _isStretched = false;
     _isFilled = false;
-    std::vector<unsigned char>().swap(_pixels);
-    std::vector<unsigned char>().swap(_unconverted);
+    _DropPixels();
+}
+
+void HdOocPTRenderBuffer::_Deallocate()
+{
+    std::lock_guard<std::mutex> const lock(_mutex);
+    _Clear();
 }
 
 unsigned int HdOocPTRenderBuffer::GetWidth() const
@@ -147,14 +160,16 @@ void* HdOocPTRenderBuffer::Map()
     HdOocPTGuard("mapping a render buffer", [this] { _CopyLatest(); });
     std::lock_guard<std::mutex> const lock(_mutex);
     ++_mapCount;
-    return _pixels.empty() ? nullptr : _pixels.data();
+    _isHandedOut = !_pixels.empty();
+    return _isHandedOut ? _pixels.data() : nullptr;
 }
 
 void HdOocPTRenderBuffer::Unmap()
 {
     std::lock_guard<std::mutex> const lock(_mutex);
-    if (_mapCount > 0) {
-        --_mapCount;
+    if (_mapCount > 0 && --_mapCount == 0) {
+        _isHandedOut = false;
+        _stillMapped.clear();
     }
 }
 
@@ -193,7 +208,7 @@ bool HdOocPTRenderBuffer::_IsBound() const
 bool HdOocPTRenderBuffer::_CopyLatest() const
 {
     std::lock_guard<std::mutex> const lock(_mutex);
-    if (_mapCount > 0) {
+    if (_isHandedOut) {
         return false;
     }
     if (_aov && !_pixels.empty() && _ReadFrom(*_aov)) {

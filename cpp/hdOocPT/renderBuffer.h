@@ -24,7 +24,10 @@ class HdOocPTSession;
 /// Holds a copy of the renderer's newest image, taken by Resolve(), Map(), and IsConverged() before it returns true.
 /// The render thread never writes here, so the host may read a mapped buffer while rendering goes on.
 ///
-/// Threads: Allocate, Bind and Finalize on the host's thread; the rest from any thread.
+/// Memory that is mapped stays where it is, with what is in it, until the last Unmap, also if the buffer gets another
+/// size or is finalized meanwhile: hosts convert pixels on threads of their own.
+///
+/// Threads: any; a host that resizes while another thread asks for width, height and pixels may get those of two sizes.
 class HdOocPTRenderBuffer final : public HdRenderBuffer
 {
 public:
@@ -66,8 +69,12 @@ private:
     bool _CopyLatest() const;
     bool _IsBound() const;
     bool _ReadFrom(HdOocPTAov const& aov) const;
-    /// Fits an image that the buffer shows to another size. False: it shows none, or its format is another one.
+    /// Fits an image that the buffer shows to another size. False: it shows none, or its format is another one. The
+    /// caller of this and of the next two holds the mutex.
     bool _StretchTo(size_t width, size_t height, HdFormat format);
+    /// Gives the pixels up; mapped ones stay until they are unmapped.
+    void _DropPixels();
+    void _Clear();
     size_t _PixelCount() const { return static_cast<size_t>(_width) * _height; }
 
     std::shared_ptr<HdOocPTSession> const _session;
@@ -89,6 +96,10 @@ private:
     unsigned int _height = 0;
     HdFormat _format = HdFormatInvalid;
     int _mapCount = 0;
+    /// The host has a pointer to _pixels.
+    bool _isHandedOut = false;
+    /// Pixels of other sizes to which the host has pointers.
+    std::vector<std::vector<unsigned char>> _stillMapped;
 };
 
 PXR_NAMESPACE_CLOSE_SCOPE

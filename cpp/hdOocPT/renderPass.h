@@ -9,12 +9,13 @@
 #include "pxr/imaging/hd/renderPassState.h"
 #include "pxr/pxr.h"
 
+#include <atomic>
 #include <memory>
 
 PXR_NAMESPACE_OPEN_SCOPE
 
 /// Executing is cheap and returns at once; the session restarts the image only when the request or the scene changed.
-/// Without bound outputs the pass does nothing and is converged. Threads: the host's only.
+/// Without bound outputs the pass does nothing and is converged. Threads: IsConverged any, the rest the host's only.
 class HdOocPTRenderPass final : public HdRenderPass
 {
 public:
@@ -36,7 +37,7 @@ private:
     HdRenderBuffer* _FindBuffer(HdRenderPassAovBinding const& binding) const;
 
     std::shared_ptr<HdOocPTSession> const _session;
-    bool _hasRequest = false;
+    std::atomic<bool> _hasRequest { false };
     GfMatrix4d _worldToView { 1.0 };
     mutable HdOocPTHostPace _pace;
 };

@@ -81,21 +81,27 @@ VtValue _ReadRates(const HdOocPTPrimSource& source, const TfToken& name)
 
 } // namespace
 
-HdOocPTShutter HdOocPTReadShutter(const HdSceneIndexBase& scene, const SdfPath& camera, HdOocPTWarnings* warnings)
+std::array<double, 2> HdOocPTReadShutterTimes(const HdSceneIndexBase& scene, const SdfPath& camera)
 {
     const auto& tokens = *HdOocPTSceneTokens;
-    HdOocPTShutter shutter;
+    std::array<double, 2> times {};
     const HdContainerDataSourceHandle container
         = camera.IsEmpty() ? nullptr : HdOocPTFindContainer(scene.GetPrim(camera).dataSource, { tokens.camera });
-    if (!container) {
-        return shutter;
-    }
     // Front ends use different names.
     for (const auto& [open, close] : { std::pair(tokens.shutterOpen, tokens.shutterClose),
              std::pair(tokens.shutterOpenAttribute, tokens.shutterCloseAttribute) }) {
-        HdOocPTConvert(HdOocPTRead(container, { open }), &shutter.open);
-        HdOocPTConvert(HdOocPTRead(container, { close }), &shutter.close);
+        HdOocPTConvert(HdOocPTRead(container, { open }), &times[0]);
+        HdOocPTConvert(HdOocPTRead(container, { close }), &times[1]);
     }
+    return times;
+}
+
+HdOocPTShutter HdOocPTReadShutter(const HdSceneIndexBase& scene, const SdfPath& camera, HdOocPTWarnings* warnings)
+{
+    HdOocPTShutter shutter;
+    const std::array<double, 2> times = HdOocPTReadShutterTimes(scene, camera);
+    shutter.open = times[0];
+    shutter.close = times[1];
     if (!std::isfinite(shutter.open) || !std::isfinite(shutter.close) || shutter.close < shutter.open) {
         warnings->Add(camera, "its shutter closes before it opens, or at no finite time; nothing is blurred by motion");
         shutter.open = shutter.close = 0.0;

@@ -67,6 +67,10 @@ struct HdOocPTPointsMotionState
     std::array<double, 2> seconds {};
 };
 
+/// The times at which the shutter of a camera prim opens and closes, in time codes from the current one, as they are
+/// authored; 0 if there is no such camera.
+std::array<double, 2> HdOocPTReadShutterTimes(const HdSceneIndexBase& scene, const SdfPath& camera);
+
 /// The shutter of a camera prim. Warns of one that closes before it opens.
 HdOocPTShutter HdOocPTReadShutter(const HdSceneIndexBase& scene, const SdfPath& camera, HdOocPTWarnings* warnings);
 

@@ -7,6 +7,7 @@
 #include "scene/assetPath.h"
 #include "scene/dataSource.h"
 #include "scene/instancerReader.h"
+#include "scene/labelReader.h"
 #include "scene/lightReader.h"
 #include "scene/materialReader.h"
 #include "scene/meshReader.h"
@@ -82,6 +83,7 @@ HdOocPTSceneReader::~HdOocPTSceneReader()
 
 void HdOocPTSceneReader::Read(const PrimIdLookup& primIdOf, oocpt::SceneEdits* edits, HdOocPTWarnings* warnings)
 {
+    ++_revision;
     const HdOocPTSceneChanges changes = _observer.Take();
     _DirtyBits dirty;
     _TakeRemovals(changes.removed, edits, &dirty);
@@ -429,6 +431,21 @@ void HdOocPTSceneReader::SetCamera(const SdfPath& camera, HdOocPTWarnings* warni
     _SetShutter(_isMotionBlurred ? HdOocPTReadShutter(*_scene, _camera, warnings) : HdOocPTShutter());
 }
 
+bool HdOocPTSceneReader::IsShutterOf(const SdfPath& camera) const
+{
+    return !_isMotionBlurred || camera == _camera
+        || HdOocPTReadShutterTimes(*_scene, camera) == HdOocPTReadShutterTimes(*_scene, _camera);
+}
+
+double HdOocPTSceneReader::GetTimeCodesPerSecond() const
+{
+    if (_rate.second != _revision) {
+        const HdOocPTTimeCodes codes = HdOocPTFindTimeCodes(*_scene, _camera);
+        _rate = { codes.doubt.empty() ? codes.perSecond : 0.0, _revision };
+    }
+    return _rate.first;
+}
+
 void HdOocPTSceneReader::SetMotionBlur(bool isOn, HdOocPTWarnings* warnings)
 {
     if (_isMotionBlurred != isOn) {
@@ -443,6 +460,48 @@ void HdOocPTSceneReader::_SetShutter(const HdOocPTShutter& shutter)
         _isShutterNew = true;
     }
     _shutter = shutter;
+}
+
+rust::Vec<oocpt::PrimTextsDesc> HdOocPTSceneReader::ReadTexts(const TfToken& primvar, HdOocPTWarnings* warnings) const
+{
+    struct _Named
+    {
+        SdfPath path;
+        bool isInstancer;
+        std::vector<std::string> texts;
+    };
+    std::vector<_Named> all;
+    for (const auto& [path, record] : _records) {
+        if (record && (record->kind == HdOocPTPrimKind::Mesh || record->kind == HdOocPTPrimKind::Instancer)) {
+            all.push_back({ path, record->kind == HdOocPTPrimKind::Instancer, {} });
+        }
+    }
+    WorkParallelForN(all.size(), [&](size_t begin, size_t end) {
+        for (size_t i = begin; i < end; ++i) {
+            const HdContainerDataSourceHandle container = _scene->GetPrim(all[i].path).dataSource;
+            all[i].texts = HdOocPTReadTexts(container, primvar, all[i].isInstancer);
+            const auto& tokens = *HdOocPTSceneTokens;
+            if (all[i].texts.empty() && !all[i].isInstancer
+                && HdOocPTFind(container, { tokens.primvars, primvar, tokens.primvarValue })) {
+                warnings->Add(all[i].path,
+                    "its primvar " + primvar.GetString() + " is no text for the whole prim, and names nothing");
+            }
+        }
+    });
+    rust::Vec<oocpt::PrimTextsDesc> descs;
+    for (const _Named& named : all) {
+        if (named.texts.empty()) {
+            continue;
+        }
+        oocpt::PrimTextsDesc desc;
+        desc.path = _Text(named.path);
+        desc.texts.reserve(named.texts.size());
+        for (const std::string& text : named.texts) {
+            desc.texts.push_back(rust::String::lossy(text));
+        }
+        descs.push_back(std::move(desc));
+    }
+    return descs;
 }
 
 HdOocPTTransformSamples HdOocPTSceneReader::GetCameraMotion(const SdfPath& camera, const GfMatrix4d& viewToWorld) const

@@ -6,6 +6,7 @@
 #include "pxr/pxr.h"
 #include "pxr/usd/sdf/path.h"
 #include "pxr/usd/sdf/pathTable.h"
+#include "rust/cxx.h"
 #include "scene/cameraReader.h"
 #include "scene/links.h"
 #include "scene/motionReader.h"
@@ -26,6 +27,7 @@
 
 namespace oocpt {
 struct LightDesc;
+struct PrimTextsDesc;
 struct SceneEdits;
 }
 
@@ -61,6 +63,15 @@ public:
     /// Returns true if something can move: the shutter is open, and motion blur is not turned off.
     bool IsShutterOpen() const { return _shutter.IsOpen(); }
 
+    /// The shutter that counts.
+    const HdOocPTShutter& GetShutter() const { return _shutter; }
+
+    /// Returns true if a camera's shutter opens and closes at the times that count, or motion blur is off.
+    bool IsShutterOf(const SdfPath& camera) const;
+
+    /// The number of time codes per second, see HdOocPTFindTimeCodes(); 0 if it is in doubt.
+    double GetTimeCodesPerSecond() const;
+
     /// Returns true if the active render settings turn motion blur off, as of the last Read().
     bool IsMotionDisabled() const { return _isMotionDisabled; }
 
@@ -76,6 +87,13 @@ public:
 
     /// The products of the active render settings, as of the last Read().
     const std::vector<HdOocPTProduct>& GetProducts() const { return _products; }
+
+    /// The number of calls of Read() so far: what is read of the scene may differ where it does.
+    uint64_t GetRevision() const { return _revision; }
+
+    /// The texts that prims and instancers have in a primvar, as of the scene's current state. Warns of one that is
+    /// neither for a whole prim nor for instances.
+    rust::Vec<oocpt::PrimTextsDesc> ReadTexts(const TfToken& primvar, HdOocPTWarnings* warnings) const;
 
     /// The current view of a product's camera, see HdOocPTReadProductView().
     std::optional<HdOocPTProductView> GetProductView(const HdOocPTProduct& product) const
@@ -151,6 +169,9 @@ private:
     std::vector<HdOocPTProduct> _products;
     SdfPath _camera;
     HdOocPTShutter _shutter;
+    uint64_t _revision = 0;
+    /// Time codes per second, and the revision at which they were found.
+    mutable std::pair<double, uint64_t> _rate { 0.0, 0 };
     bool _isShutterNew = false;
     bool _isMotionBlurred = true;
     bool _isMotionDisabled = false;

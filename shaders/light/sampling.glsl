@@ -7,6 +7,9 @@
 #include "material/dispersion.glsl"
 #include "wavefront/bounce_kinds.glsl"
 
+// Whether light samples keep their light without the weight.
+const bool KEEPS_UNOCCLUDED = HAS_PATH_EXPRESSIONS || HAS_SHADOW_SUMS;
+
 // A candidate for a shadow ray. `contribution` leaves out the path's throughput; 0: nothing to trace. Until
 // finish_light_sample has evaluated the BSDF it leaves that out too, and the members below tell how it comes in.
 struct LightSample {
@@ -24,7 +27,7 @@ struct LightSample {
     bool whole; // `contribution` holds the BSDF already
     float diffuse; // the light's multipliers
     float specular;
-    vec3 unoccluded; // with PATH_EXPRESSIONS: `contribution` without the weight against the BSDF's ray
+    vec3 unoccluded; // with KEEPS_UNOCCLUDED: `contribution` without the weight against the BSDF's ray
 };
 
 LightSample no_light_sample() {
@@ -170,7 +173,7 @@ LightSample sample_infinite_light(const Bsdf bsdf, vec3 wo, uint link_set, float
             return ls;
         }
         if (pdf > 0.0 || !alone) ls.contribution = light.radiance * weight / (alone ? chosen : 1.0 + chosen);
-        if (HAS_PATH_EXPRESSIONS && (pdf > 0.0 || !alone)) ls.unoccluded = light.radiance * weight / chosen;
+        if (KEEPS_UNOCCLUDED && (pdf > 0.0 || !alone)) ls.unoccluded = light.radiance * weight / chosen;
         return ls;
     }
     ls.density = chosen;
@@ -265,7 +268,7 @@ void finish_light_sample(inout LightSample ls, vec3 diffuse, vec3 specular, floa
         ls.unoccluded = ls.contribution;
         return;
     }
-    if (HAS_PATH_EXPRESSIONS) ls.unoccluded = ls.contribution * f / ls.density;
+    if (KEEPS_UNOCCLUDED) ls.unoccluded = ls.contribution * f / ls.density;
     if (shadow_rays_alone() && ls.weighs) {
         // All of what diffuse lobes scatter; the rest is weighed against the ray.
         const vec3 d = diffuse * ls.diffuse / ls.density;

@@ -7,6 +7,7 @@
 #include "traversal/rays.glsl"
 #include "traversal/opacity_seed.glsl"
 #include "light/parts.glsl"
+#include "light/shadow_sums.glsl"
 
 // Returns true if roulette has ended the ray.
 bool is_ray_ended(uint path) {
@@ -28,10 +29,21 @@ void begin_ray(uint at) {
     if (SETTLES == 1 && (entry & SETTLE_KEPT) != 0u) stand_at_kept(1u, at);
 }
 
+// Takes away what does not arrive of the light that a ray of bounce 0 has asked for.
+void take_shadow(uint path, uint shadow_color) {
+    if (shadow_bounce(ray_word(shadow_ray_address(path))) != 0u) return;
+    if (walk.hit) {
+        store_shadow(path, unpack_color(shadow_color));
+    } else if (is_ray_ended(path)) {
+        store_shadow(path, vec3(0.0));
+    }
+}
+
 // Adds the light's contribution if nothing is in its way, or the share that its shadow colour lets through.
 void add_light(uint path) {
     const uint64_t ray = shadow_ray_address(path);
     const uint shadow_color = shadow_in_shadow(ray);
+    if (HAS_SHADOW_SUMS) take_shadow(path, shadow_color);
     const bool waits = HAS_STREAMING && (pending_count > 0u || is_ray_ended(path));
     if (walk.hit ? shadow_color == 0u : waits) return;
     vec3 contribution = shadow_contribution(ray);

@@ -1,17 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // Writes the filtered images so far: one thread per pixel. Reads: film (the number of samples),
 // FrameConstants::plane_sums. Writes: the planes of FrameConstants::aov that PlaneOffsets has, primvar_images that are
-// filtered, and light_images, which
-// are times the camera's exposure as `color`. Adaptive: half of each stream, as `resolve`. A pixel without a sample is
-// clear.
+// filtered, those of shadows, and light_images, which are times the camera's exposure as `color`. Adaptive: half of
+// each stream, as `resolve`. A pixel without a sample is clear.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "wavefront/wavefront.glsl"
-
-float plane_sum(uint pixel, uint word) {
-    const uint64_t sums = FRAME.plane_sums + uint64_t(pixel) * (FRAME.sum_words * PLANE_SUM_BYTES);
-    return PlaneSums(sums).v[word].sum;
-}
+#include "wavefront/shadow_images.glsl"
 
 vec4 primvar_mean(uint pixel, uint first) {
     const float samples = float(ConstFilm(FRAME.film).v[pixel].samples);
@@ -61,9 +56,14 @@ void main() {
     for (uint i = 0u; HAS_SHADED_AOVS && i < MAX_SHOWN_PRIMVARS && FRAME.primvar_images[i] != 0ul; ++i) {
         write_primvar(FRAME.primvar_images[i], FRAME.primvar_at[i], pixel);
     }
+    if (HAS_SHADOW_SUMS) {
+        const uint first = FRAME.sum_words - FRAME.light_words;
+        if (FRAME.shadow_at != NO_INDEX) Vec4s(FRAME.aov.shadow).v[pixel] = shadow(pixel, first + FRAME.shadow_at);
+        if (FRAME.catcher_at != NO_INDEX) Floats(FRAME.aov.shadow_catcher).v[pixel] = caught_alpha(pixel);
+    }
     if (!HAS_PATH_EXPRESSIONS) return;
     for (uint i = 0u; i < FRAME.light_count; ++i) {
-        const uint first = FRAME.sum_words - 3u * (FRAME.light_count - i);
+        const uint first = FRAME.sum_words - FRAME.light_words + 3u * i;
         write_plane(FRAME.light_images[i], first, pixel, vec3(0.0), FRAME.exposure);
     }
 }

@@ -18,8 +18,12 @@ bool waits_for_geometry(uint entry, out uint unit) {
     return unit < STREAMING.first_tile;
 }
 
-// Returns true if the ray takes part. Camera rays do not: their radiance has no weight, nor has alpha.
+// Returns true if the ray takes part. Camera rays do not: their radiance has no weight, nor has alpha. Shadow rays of
+// shadow catchers do not: they contribute nothing and are needed nevertheless.
 bool is_played(uint entry) {
+    if (HAS_SHADOW_SUMS && (entry & SHADOW_BIT) != 0u) {
+        return max_component(shadow_contribution(shadow_ray_address(path_of_entry(entry)))) > 0.0;
+    }
     return (entry & SHADOW_BIT) != 0u || ray_bounce(ray_address(path_of_entry(entry))) != 0u;
 }
 

@@ -10,6 +10,7 @@
 
 #include "wavefront/bounce_kinds.glsl"
 #include "geometry/prim_masks.glsl"
+#include "light/shadow_sums.glsl"
 
 void add_radiance(uint path, vec3 value) {
     const vec4 before = ConstVec4s(FRAME.radiance).v[path];
@@ -48,13 +49,18 @@ float settling_number(uint path, uint bounce) {
 // With PATH_EXPRESSIONS: the states at the end of the shadow ray.
 GpuPathStates shadow_states;
 
-// Stores the shadow ray, or adds its contribution if nothing can be in its way. Returns true if there is a ray.
-bool store_shadow_ray(uint path, Double3 origin, uint bounce, LightSample ls, vec3 throughput) {
-    const vec3 contribution = clamp_contribution(path, throughput * ls.contribution, bounce > 0u);
+// Stores the shadow ray, or adds its contribution if nothing can be in its way. Returns true if there is a ray. That of
+// a shadow catcher contributes nothing, but asks whether the light arrives.
+bool store_shadow_ray(uint path, Double3 origin, uint bounce, LightSample ls, vec3 throughput, bool is_caught) {
+    vec3 contribution = clamp_contribution(path, throughput * ls.contribution, bounce > 0u);
     if (!(max_component(contribution) > 0.0)) return false;
+    // A mesh may be in its own way: its light is none of what shadows are told of.
+    if (HAS_SHADOW_SUMS && bounce == 0u && !ls.of_mesh) ask_light(path, throughput * ls.unoccluded, is_caught);
+    if (is_caught && ls.of_mesh) return false;
+    if (is_caught) contribution = vec3(0.0);
     // A mesh may be in its own way: it keeps its shadows.
     if (HAS_PATH_EXPRESSIONS && ls.of_mesh) shadow_states.states.x |= STATES_OF_ALL;
-    if (HAS_PATH_EXPRESSIONS && AUTOMATON.unoccluded != 0u && !ls.of_mesh) {
+    if (HAS_PATH_EXPRESSIONS && AUTOMATON.unoccluded != 0u && !ls.of_mesh && !is_caught) {
         const vec3 whole = clamp_contribution(path, throughput * ls.unoccluded, bounce > 0u);
         add_light_parts(path, shadow_states, whole, AUTOMATON.unoccluded);
     }
@@ -110,12 +116,19 @@ void shade(uint path, out bool asks, out bool go_on) {
     PathState state = load_path(path);
     const vec3 arrived = state.throughput;
     if (HAS_CUTOUTS && HAS_TEXTURES) store_next_cone(path, surface.cone, 0.0);
-    const bool is_matte =
-        HAS_PRIM_MASKS && ray.bounce == 0u && (prim_mask(surface.prim_id) & PRIM_MATTE) != 0u;
-    if (ray.bounce == 0u) Vec4s(FRAME.radiance).v[path] = vec4(0.0, 0.0, 0.0, is_matte ? 0.0 : 1.0);
+    const uint mask = HAS_PRIM_MASKS && ray.bounce == 0u ? prim_mask(surface.prim_id) : 0u;
+    const bool is_unseen = (mask & (PRIM_MATTE | PRIM_SHADOW_CATCHER)) != 0u;
+    const bool is_caught = HAS_SHADOW_SUMS && is_unseen && (mask & PRIM_MATTE) == 0u;
+    if (ray.bounce == 0u) Vec4s(FRAME.radiance).v[path] = vec4(0.0, 0.0, 0.0, is_unseen ? 0.0 : 1.0);
     if (HAS_PATH_EXPRESSIONS && ray.bounce == 0u) clear_light_parts(path);
+    if (HAS_SHADOW_SUMS && ray.bounce == 0u) clear_shadow_values(path);
     if (HAS_LOCAL_LIGHTS) add_met_lights(path, ray, surface, state);
-    if (is_matte) return;
+    if (is_unseen && !is_caught) return;
+    if (is_caught && FRAME.catcher_at != NO_INDEX) {
+        // Where a lamp before it is seen there is no need to see a shadow.
+        if (ConstVec4s(FRAME.radiance).v[path].w > 0.0) return;
+        meet_catcher(path);
+    }
     const uint kinds = path_kinds(path, ray.bounce);
     const bool only_lights = only_looks_for_lights(ray.bounce, kinds);
     if (only_lights && !HAS_EMISSION) return;
@@ -127,7 +140,7 @@ void shade(uint path, out bool asks, out bool go_on) {
         const float way = dot3(difference(surface.position, Double3(ray.o, ray.o_lo)), ray.d);
         state.throughput *= exp(-shading.absorption * max(way, 0.0));
     }
-    if (HAS_EMISSION && max_component(shading.emission) > 0.0) {
+    if (HAS_EMISSION && !is_caught && max_component(shading.emission) > 0.0) {
         vec3 weight = vec3(1.0);
         if (HAS_MESH_LIGHTS) weight = emission_share(path, ray, surface, state.pdf);
         // As for other lights, light that shadow rays could find at bounce 0 is direct.
@@ -161,7 +174,7 @@ void shade(uint path, out bool asks, out bool go_on) {
     vec3 wi, weight;
     float pdf;
     bool evaluates = false;
-    bool is_sampled = !last && bsdf_choose(bsdf, wo, u, wi, weight, pdf, evaluates);
+    bool is_sampled = !last && !is_caught && bsdf_choose(bsdf, wo, u, wi, weight, pdf, evaluates);
     // A lobe sampled together with its density is Lambert; one without a density is sharp.
     vec3 share = vec3(0.0);
     if (KEEPS_SHARES && is_sampled && !evaluates && pdf > 0.0) share = vec3(1.0);
@@ -203,7 +216,7 @@ void shade(uint path, out bool asks, out bool go_on) {
         shadow_states = states_at_light(scattered_states(states, asks_beyond, sampled_sharp, label, sampled_share),
                                         sampled_event, sampled_label);
     }
-    asks = store_shadow_ray(path, ask_from, ray.bounce, ls, state.throughput);
+    asks = store_shadow_ray(path, ask_from, ray.bounce, ls, state.throughput, is_caught);
     if (!is_sampled) return;
 
     const vec3 throughput = state.throughput * weight;

@@ -3,8 +3,8 @@
 // WavefrontCounters::surface_args; arg0 = AOV_ESCAPED: escaped_queue, WavefrontCounters::escaped_args. Reads: the
 // queue, hits, the scene; with streaming, surfaces in place of the last two. Rays of generate_aov_rays (PUSH_AOVS):
 // writes the planes of FrameConstants::aov and primvar_images that are not 0 and not filtered; surfaces of opacity 0
-// are not seen, all others are. Samples: writes FrameConstants::plane_values of those at bounce 0, where a matte counts
-// as nothing. With streaming: ends rays that go no farther, and writes their segments.
+// are not seen, all others are. Samples: writes FrameConstants::plane_values of those at bounce 0, where mattes and
+// shadow catchers count as nothing. With streaming: ends rays that go no farther, and writes their segments.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "wavefront/wavefront.glsl"
@@ -32,6 +32,7 @@ AovClear aovs_of(uint path, Surface surface, out vec4 motion_both) {
     a.prim_id = shown_prim_id(surface.prim_id);
     a.instance_id = int(surface.instance_id);
     a.element_id = int(surface.face);
+    if (HAS_MATERIALS && surface_material.material != NO_MATERIAL) a.material_id = int(surface_material.material);
     if (HAS_SHADED_AOVS) {
         uint missing;
         const Shading shading = make_shading(path, surface, missing);
@@ -61,6 +62,7 @@ void store(uint pixel, AovClear a) {
     if (FRAME.aov.prim_id != 0ul) Ints(FRAME.aov.prim_id).v[pixel] = a.prim_id;
     if (FRAME.aov.instance_id != 0ul) Ints(FRAME.aov.instance_id).v[pixel] = a.instance_id;
     if (FRAME.aov.element_id != 0ul) Ints(FRAME.aov.element_id).v[pixel] = a.element_id;
+    if (FRAME.aov.material_id != 0ul) Ints(FRAME.aov.material_id).v[pixel] = a.material_id;
     if (is_centred(FRAME.aov.normal, at.normal)) Vec3s(FRAME.aov.normal).v[pixel] = a.normal;
     if (is_centred(FRAME.aov.neye, at.neye)) Vec3s(FRAME.aov.neye).v[pixel] = a.neye;
     if (is_centred(FRAME.aov.albedo, at.albedo)) Vec3s(FRAME.aov.albedo).v[pixel] = a.albedo;
@@ -118,7 +120,7 @@ void main() {
     bool is_seen = hit;
     if (hit) {
         const Surface surface = load_surface(path);
-        is_seen = !(is_sample && (prim_mask(surface.prim_id) & PRIM_MATTE) != 0u);
+        is_seen = !(is_sample && (prim_mask(surface.prim_id) & (PRIM_MATTE | PRIM_SHADOW_CATCHER)) != 0u);
         if (is_seen) a = aovs_of(path, surface, motion_both);
     }
     // For hits, record_surfaces has written them while their chunk was there.

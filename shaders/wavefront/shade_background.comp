@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Adds the light that rays which leave the scene meet: dome and distant lights, weighted against the shadow rays of the
 // bounce before. One thread per escaped ray, WavefrontCounters::escaped_args. Reads: escaped_queue, rays, paths,
-// lights. Writes: radiance of the ray's path, with PATH_EXPRESSIONS light_values; with streaming, segments.
+// lights. Writes: radiance of the ray's path, with PATH_EXPRESSIONS or SHADOW_SUMS light_values; with streaming,
+// segments.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "wavefront/wavefront.glsl"
@@ -9,6 +10,7 @@
 #include "wavefront/path_surface.glsl"
 #include "material/bsdf_lambert.glsl"
 #include "light/sample.glsl"
+#include "light/shadow_sums.glsl"
 
 void shade(uint path) {
     const Ray ray = load_ray(ray_address(path));
@@ -25,6 +27,7 @@ void shade(uint path) {
         }
         const vec3 kept = met ? clamp_contribution(path, seen, false) : vec3(0.0);
         Vec4s(FRAME.radiance).v[path] = met ? vec4(kept, 1.0) : vec4(0.0);
+        if (HAS_SHADOW_SUMS) clear_shadow_values(path);
         if (HAS_PATH_EXPRESSIONS) {
             clear_light_parts(path);
             if (begin_light_parts(path, 0u, vec3(1.0), seen, kept)) {

@@ -166,6 +166,65 @@ def picture(request, tmp_path_factory):
         return {name: channel.pixels for name, channel in file.channels().items()}, dict(file.header())
 
 
+def named_scene():
+    """The scene with texts in the primvar `dept`, of a prim, of instances and of nested ones, and in Arnold's."""
+    added = {
+        'def Mesh "Mover"': 'string primvars:dept = "hero"\n        string primvars:crypto_asset = "props"',
+        'def BasisCurves "Hair"': 'token primvars:dept = "hero"',
+        'def PointInstancer "Forest"': 'string[] primvars:dept = ["far", "oak", "", "樹é"] (interpolation = "varying")',
+        'def PointInstancer "Leaves"': 'string[] primvars:dept = ["", "low"] (interpolation = "varying")',
+    }
+    # One more prototype, out of sight, so that numbers of instances are not their indices in a prototype.
+    text = SCENE.replace("[0, 0, 0]", "[1, 0, 0, 0]", 1).replace("[(-1.2, -0.6, 0)", "[(99, 0, 0), (-1.2, -0.6, 0)", 1)
+    text = text.replace("rel prototypes = </World/Forest/Tree>", "rel prototypes = [</World/Forest/Tree>, </World/Forest/Far>]", 1)
+    tree = '        def Xform "Tree"'
+    text = text.replace(tree, f'        def Mesh "Far"\n        {{\n{CARD}        }}\n{tree}', 1)
+    for head, line in added.items():
+        start = text.index("{", text.index(head)) + 1
+        text = f"{text[:start]}\n        {line}{text[start:]}"
+    odd = CARD + '        string[] primvars:dept = ["by face"] (interpolation = "uniform")\n'
+    odd += (
+        "        double3 xformOp:translate = (99, 0, 0)\n"
+        '        uniform token[] xformOpOrder = ["xformOp:translate"]\n'
+    )
+    mover = '    def Mesh "Mover"'
+    return text.replace(mover, f'    def Mesh "Odd"\n    {{\n{odd}    }}\n{mover}', 1)
+
+
+@pytest.mark.parametrize("front_end", ["0", "1"], ids=["legacy", "scene_index"])
+def test_a_primvar_names_prims_and_instances(tmp_path, front_end):
+    """Names are the texts of the prim or of the innermost instance that has one, paths elsewhere, in every frame."""
+    scene = tmp_path / "scene.usda"
+    scene.write_text(named_scene())
+    variables = dict(os.environ, USDIMAGINGGL_ENGINE_ENABLE_SCENE_INDEX=front_end)
+    variables.pop("PYTHONPATH", None)
+    words = ["--disableCameraLight", "--imageWidth", "64", "--samples", "16", "--set", "oocpt:maxBounces=0"]
+    words += ["--aov", "CryptoObject,CryptoObject:dept,CryptoAsset", "--frames", "1:2", "--camera", "Eye"]
+    done = subprocess.run(
+        ["usdrecord", *words, str(scene), str(tmp_path / "out.#.exr")], env=variables, capture_output=True, text=True,
+        timeout=300, check=False, stdin=subprocess.DEVNULL, start_new_session=True,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert done.stderr.count("no text for the whole prim") == 1 and "/World/Odd" in done.stderr, done.stderr
+    found = []
+    for frame in (1, 2):
+        with OpenEXR.File(str(tmp_path / f"out.{frame}.exr"), separate_channels=True) as file:
+            layers = {name: channel.pixels for name, channel in file.channels().items()}
+            header = dict(file.header())
+        objects, named = matte(layers, header, "CryptoObject"), matte(layers, header, "CryptoObject_dept")
+        own = next(name for name in objects if name.endswith("[1][0]"))
+        assert set(named) == {"hero", "oak", "樹é", "low", own}, sorted(named)
+        for name, ends in {"oak": ["[0][0]"], "樹é": ["[2][0]"], "low": ["[0][1]", "[1][1]", "[2][1]"]}.items():
+            share = sum(share for thing, share in objects.items() if thing[-6:] in ends)
+            assert share.any()
+            close(named[name], share, name)
+        close(named["hero"], layers["R"] + layers["B"], "two things of one name are one")
+        close(named[own], objects[own], "an empty text is none")
+        close(matte(layers, header, "CryptoAsset")["props"], layers["R"], "Arnold's primvar")
+        found.append({key: value for key, value in header.items() if key.endswith("/manifest")})
+    assert found[0] == found[1], "frames"
+
+
 def close(share, expected, what):
     assert np.abs(share - expected).max() < 1e-5, what
 

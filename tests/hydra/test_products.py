@@ -6,6 +6,7 @@ import subprocess
 
 import numpy as np
 import OpenEXR
+import OpenImageIO as oiio
 import pytest
 from pxr import Gf
 
@@ -298,6 +299,32 @@ def test_tiles_parts_and_attributes(record):
         for part in file.parts:
             assert part.header["artist"] == "A. Painter" and part.header["shot"] == 7
             assert part.header["lens:focal"] == 35.5 and part.header["oocpt:samples"] == 4.0
+
+
+@BOTH
+def test_headers_say_when_and_by_what(record):
+    """The frame, its rate and the shutter, as OpenEXR and OpenImageIO read them; a shutter of its own is told."""
+    other = CAMERA.replace("Eye", "Late").replace("{{\n", "{{\n    double shutter:close = 0.25\n", 1)
+    camera = CAMERA.replace("{{\n", "{{\n    double shutter:open = -0.25\n    double shutter:close = 0.25\n", 1)
+    products = {
+        "A": product("A", "a.####.exr", ("beauty",), (8, 6)),
+        "B": product("B", "b.####.exr", ("beauty",), (8, 6), more="rel camera = </Late>"),
+    }
+    text = stage(products, camera=camera + other).replace("(\n", "(\n    timeCodesPerSecond = 25\n", 1)
+    done, folder = record(text, "--products", "--frames", "1001:1001", out="out.####.exr")
+    warned = [line for line in done.stderr.splitlines() if "other times than that of the host's camera" in line]
+    assert len(warned) == 1 and "/Settings/B" in warned[0], done.stderr
+    header = channels(folder / "a.1001.exr")[1]
+    rate = header["framesPerSecond"]
+    assert (rate.numerator, rate.denominator) == (25, 1) and header["frame"] == 1001.0
+    assert header["software"] == header["oocpt:renderer"] and header["software"].startswith("OocPT ")
+    assert header["expTime"] == pytest.approx(0.5 / 25) and header["oocpt:timeCodesPerSecond"] == 25.0
+    assert (header["oocpt:shutterOpen"], header["oocpt:shutterClose"], header["oocpt:frame"]) == (-0.25, 0.25, 1001.0)
+    code = header["timeCode"]
+    assert [code.hours, code.minutes, code.seconds, code.frame] == [0, 0, 40, 1]
+    spec = oiio.ImageInput.open(str(folder / "a.1001.exr")).spec()
+    assert spec.getattribute("FramesPerSecond") == (25, 1) and spec.getattribute("frame") == 1001.0
+    assert spec.getattribute("ExposureTime") == pytest.approx(0.5 / 25)
 
 
 def test_parts_of_light_are_images_of_hosts(pool):

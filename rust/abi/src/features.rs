@@ -203,6 +203,8 @@ features! {
     PIXEL_FILTER: "pixel filter", [], Never;
     /// Light is kept apart by light path expressions: `FrameConstants::automaton` is used.
     PATH_EXPRESSIONS: "light path expressions", [], Never;
+    /// It is summed how much of the light that shadow rays ask for arrives: shadows, shadow catchers.
+    SHADOW_SUMS: "sums of shadowed light", [], Never;
     /// Some prim is not seen by all rays, or is a matte: `FrameConstants::prim_masks` is used, and rays have a kind.
     PRIM_MASKS: "visibility by kind of ray, mattes", [], Never;
     /// Some material has the lobe that tests add.

@@ -104,6 +104,8 @@ bitflags! {
         const NO_TRANSMISSION = 16;
         /// Camera rays end there as if there were nothing, whatever is behind it.
         const MATTE = 32;
+        /// Camera rays end there and see the shadow alone that it receives, as alpha; a matte is a matte first.
+        const SHADOW_CATCHER = 64;
     }
 }
 

@@ -113,6 +113,13 @@ shared! {
         pub crypto_object: u64,
         /// Shares that materials have, by number + 1, and 0.
         pub crypto_material: u64,
+        /// i32, number of the material of the surface.
+        pub material_id: u64,
+        /// f32x4, the share of the light that does not arrive, by channel and of the luminance; written by
+        /// `resolve_planes`, as the next.
+        pub shadow: u64,
+        /// f32, the alpha that shadow catchers have.
+        pub shadow_catcher: u64,
     }
 }
 
@@ -144,6 +151,10 @@ shared! {
         pub peye: [f32; 3],
         /// Clear value of `geometric_normal`.
         pub geometric_normal: [f32; 3],
+        /// Clear value of `material_id`.
+        pub material_id: i32,
+        /// Padding; 0.
+        pub pad: u32,
     }
 }
 
@@ -428,9 +439,9 @@ shared! {
         pub path_states: u64,
         /// The same of its shadow ray, with what shines at its end.
         pub shadow_states: u64,
-        /// f32x3 for each expression, every `light_stride` floats by path: the light of it that the path has met. In
-        /// core they are the last of `plane_values` that are summed; with `Features::STREAMING` they become so when the
-        /// path ends.
+        /// f32x3 for each expression, every `light_stride` floats by path: the light of it that the path has met; then
+        /// the floats of shadows (`Features::SHADOW_SUMS`). In core they are the last of `plane_values` that are
+        /// summed; with `Features::STREAMING` they become so when the path ends.
         pub light_values: u64,
         /// Outputs of `resolve_planes`: f32x3 per pixel for each expression, as those of `aov`.
         pub light_images: [u64; 32],
@@ -449,8 +460,8 @@ shared! {
         pub prim_masks: u64,
         /// Number of prims of `prim_masks`; those behind it have none of its bits.
         pub mask_count: u32,
-        /// Padding; 0.
-        pub pad: u32,
+        /// Floats of a path at `light_values`: three for each expression, then those of shadows.
+        pub light_words: u32,
         /// [`DeepSlot`], `deep_samples` of them for each [`crate::FilmPixel`]; 0 without `Features::DEEP`, as the next.
         /// Zero before the first wave.
         pub deep_slots: u64,
@@ -464,6 +475,11 @@ shared! {
         pub deep_tolerance: f32,
         /// or by less than this distance.
         pub deep_distance: f32,
+        /// The first of the [`SHADOW_WORDS`] floats of a path at `light_values` for `AovTargets::shadow`; `NO_INDEX`
+        /// without it, as the next.
+        pub shadow_at: u32,
+        /// The first of the [`CATCHER_WORDS`] floats for `AovTargets::shadow_catcher`.
+        pub catcher_at: u32,
     }
 }
 
@@ -481,6 +497,13 @@ pub const DEEP_SLOT_BYTES: u32 = size_of::<DeepSlot>() as u32;
 
 /// Words of a sample for a deep image: prim id + 1, instance id, and the distance along the view axis as a float.
 pub const DEEP_WORDS: u32 = 3;
+
+/// Floats of a sample for shadows: light that its first shadow ray asks for, by channel, then what of it arrives.
+pub const SHADOW_WORDS: u32 = 6;
+
+/// Floats of a sample for shadow catchers: luminance that the shadow ray of a catcher asks for, what of it arrives, and
+/// 1 if the sample met a catcher.
+pub const CATCHER_WORDS: u32 = 3;
 
 /// Ids of a pixel that are kept while it is sampled; beyond these the one of the least weight gives way.
 pub const ID_SLOTS: u32 = 16;

@@ -26,7 +26,7 @@ mod settings;
 mod stats;
 mod texture_file;
 
-use session::{Session, close_session, open_session, ray_primvar_names, setting_descriptors};
+use session::{Session, close_session, naming_primvars, open_session, ray_primvar_names, setting_descriptors};
 use texture_file::texture_file;
 
 /// Declarations that cxx turns into both sides of the boundary.
@@ -437,13 +437,28 @@ mod ffi {
         settings: Vec<NamedValue>,
     }
 
+    /// The texts that a prim has in a primvar, or an instancer by the number of an instance.
+    struct PrimTextsDesc {
+        path: String,
+        texts: Vec<String>,
+    }
+
+    /// A primvar whose texts name what Cryptomatte layers show.
+    struct NamingPrimvarDesc {
+        name: String,
+        prims: Vec<PrimTextsDesc>,
+    }
+
     /// A render product. `picture` is the picture that it is written of, without images; not if `is_of_host`: then it
     /// is written of the host's. `data_corner`: where the picture's pixels begin in one of `display_size`, y down.
+    /// `missing`: why there is no picture; then all but path and name is empty. `time_codes_per_second`: 0 if unknown.
+    /// `shutter`: time codes from the frame to its opening and closing.
     struct ProductDesc {
         path: String,
         kind: String,
         name: String,
         vars: Vec<ProductVarDesc>,
+        missing: String,
         settings: Vec<NamedValue>,
         color_space: String,
         pixel_aspect: f32,
@@ -451,6 +466,8 @@ mod ffi {
         data_corner: [i32; 2],
         has_frame: bool,
         frame: f64,
+        time_codes_per_second: f64,
+        shutter: [f64; 2],
         is_of_host: bool,
         picture: RenderDesc,
     }
@@ -484,6 +501,8 @@ mod ffi {
         fn clear_setting(self: &Session, key: &str) -> Result<SettingOutcome>;
         fn render(self: &Session, request: RenderDesc, products: Vec<ProductDesc>) -> Result<()>;
         fn writes_products(self: &Session) -> Result<bool>;
+        fn naming_primvars(products: &Vec<ProductDesc>) -> Result<Vec<String>>;
+        fn set_naming_primvars(self: &Session, primvars: Vec<NamingPrimvarDesc>) -> Result<()>;
         fn is_converged(self: &Session) -> Result<bool>;
         fn pause(self: &Session) -> Result<()>;
         fn resume(self: &Session) -> Result<()>;

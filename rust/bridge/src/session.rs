@@ -6,8 +6,8 @@
 use crate::convert;
 use crate::edits;
 use crate::ffi::{
-    MessageSeverity, NamedValue, ProductDesc, RenderDesc, ScalarValue, SceneEdits, SettingDescriptor, SettingOutcome,
-    UserMessage,
+    MessageSeverity, NamedValue, NamingPrimvarDesc, ProductDesc, RenderDesc, ScalarValue, SceneEdits,
+    SettingDescriptor, SettingOutcome, UserMessage,
 };
 use crate::ffi_images::ImageSource;
 use crate::guard::{BridgeError, guard};
@@ -26,6 +26,7 @@ pub(crate) struct Session {
     layers: Mutex<SettingLayers>,
     /// The purposes of the last request.
     purposes: Mutex<Option<Vec<String>>>,
+    naming: Mutex<convert::product::NamingPrimvars>,
     /// Warnings of the boundary itself, handed out before the renderer's.
     warnings: Arc<Mutex<Vec<String>>>,
 }
@@ -64,7 +65,7 @@ pub(crate) fn open_session(images: UniquePtr<ImageSource>) -> Result<Box<Session
         let inner = Arc::new(inner);
         runner::session_opened(&inner);
         let (layers, warnings) = (Mutex::new(layers), Arc::new(Mutex::new(warnings)));
-        Ok(Box::new(Session { inner, layers, purposes: Mutex::default(), warnings }))
+        Ok(Box::new(Session { inner, layers, purposes: Mutex::default(), warnings, naming: Mutex::default() }))
     })
 }
 
@@ -75,6 +76,11 @@ pub(crate) fn close_session(session: Box<Session>) -> Result<(), BridgeError> {
         drop(session);
         Ok(())
     })
+}
+
+/// The primvars, without `primvars:`, whose texts name what products show; sorted.
+pub(crate) fn naming_primvars(products: &Vec<ProductDesc>) -> Result<Vec<String>, BridgeError> {
+    guard("naming_primvars", || Ok(convert::product::names_of_naming(products)))
 }
 
 /// The primvars that say which rays see a prim, without `primvars:`.
@@ -151,8 +157,19 @@ impl Session {
             drop(purposes);
             let request = convert::request::render_request(&request);
             tracing::trace!(?request, "render");
-            let products = products.into_iter().map(convert::product::render_product).collect();
+            let naming = lock(&self.naming);
+            let products = products.into_iter().map(|product| convert::product::render_product(product, &naming));
+            let products = products.collect();
+            drop(naming);
             self.inner.render_products(request, products);
+            Ok(())
+        })
+    }
+
+    /// Takes the primvars that name what the products of the next requests show.
+    pub(crate) fn set_naming_primvars(&self, primvars: Vec<NamingPrimvarDesc>) -> Result<(), BridgeError> {
+        guard("set_naming_primvars", || {
+            *lock(&self.naming) = convert::product::naming_primvars(primvars);
             Ok(())
         })
     }

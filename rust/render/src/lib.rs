@@ -34,7 +34,7 @@ mod wavefront;
 pub use device::bsdf_tables;
 pub use error::RenderError;
 pub use film::picture;
-pub use film::products::unknown_aov;
+pub use film::products::{naming_primvar, unknown_aov};
 pub use host_memory::peak as host_peak_bytes;
 pub use job::SessionOptions;
 pub use job::aov::{AovKind, AovRequest};

@@ -189,7 +189,7 @@ passes! {
         "`film`" => "its plane of `FrameConstants::aov`";
     /// Writes the filtered planes.
     ResolvePlanes = RESOLVE_PLANES, When::image(PassImage::Filtered), Direct("`width * height`"),
-        "`plane_sums`, `film`" => "the filtered planes of `FrameConstants::aov`, `primvar_images`, `light_images`";
+        "`plane_sums`, `film`" => "the filtered planes of `FrameConstants::aov`, those of shadows, `primvar_images`, `light_images`";
     /// Writes the largest shares of each pixel by id.
     ResolveIds = RESOLVE_IDS, When::image(PassImage::RankedIds), Direct("`width * height`"),
         "`id_slots`, `film`" => "its planes of `FrameConstants::aov`";
@@ -203,7 +203,7 @@ passes! {
     MeasureError = MEASURE_ERROR, When::ALWAYS, Direct("at most 1024 workgroups"),
         "`film`" => "`ErrorSums` of each workgroup, behind the film";
     /// Resolves the film to the picture.
-    Resolve = RESOLVE, When::ALWAYS, Direct("`width * height`"), "`film`" => "`color`";
+    Resolve = RESOLVE, When::ALWAYS, Direct("`width * height`"), "`film`, with shadow catchers `plane_sums`" => "`color`";
     /// Answers the deferred tests about cutouts that rays left.
     ResolveCutouts = RESOLVE_CUTOUTS, When::with(TEXTURES.union(Features::CUTOUTS)),
         Indirect(WavefrontCounters::DEFERRED_ARGS),

@@ -6,12 +6,14 @@
 
 mod light_parts;
 mod rays;
+mod shadow_sums;
 
 #[cfg(target_arch = "x86_64")]
 use crate::InstructionSet;
 use crate::deferred_tests::{load_alpha_test, store_alpha_test};
 use crate::passes::light_parts::LightParts;
 use crate::passes::rays::{ClosestRays, QueuedRays, RayBlock, ShadowRays};
+use crate::passes::shadow_sums::ShadowSums;
 use crate::pending::{ListedItems, PendingItem};
 use crate::scene::TraversalScene;
 #[cfg(target_arch = "x86_64")]
@@ -90,9 +92,9 @@ pub fn shadow(view: &HostView, push: PushConstants, special: TraversalConstants)
     let shared = PassContext::new(&scene, rays, [scene.streaming.shadow_pending, scene.streaming.shadow_alpha_tests]);
     let queue = view.bytes(scene.frame.shadow_queue);
     let radiance = view.words(scene.frame.radiance);
-    let parts = LightParts::new(&scene);
+    let (parts, shadows) = (LightParts::new(&scene), ShadowSums::new(&scene));
     let count = shared.counters.load(counter!(shadow_count));
-    shared.trace(count, &ShadowRays { shared: &shared, queue, radiance, parts });
+    shared.trace(count, &ShadowRays { shared: &shared, queue, radiance, parts, shadows });
     Ok(())
 }
 

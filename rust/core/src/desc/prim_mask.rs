@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Reads what kinds of rays see a prim, and whether it is a matte, from the primvars that renderers have for it.
+//! Reads what kinds of rays see a prim, and whether it is a matte or a shadow catcher, from the primvars that
+//! renderers have for it.
 //!
 //! Pure, any thread. Of several renderers' primvars those of the first one in [`ROWS`] count, for visibility and for
 //! mattes apart: scenes carry the settings of more than one.
@@ -17,6 +18,8 @@ enum MaskRule {
     Bits,
     /// Not 0: a matte.
     Matte,
+    /// Not 0: a shadow catcher.
+    Catcher,
     /// Karma's mode: 1 is a matte, 2 one that shadows the background.
     Holdout,
 }
@@ -31,13 +34,15 @@ const ARNOLD_BITS: [(u32, PrimMask); 5] = [
 ];
 
 /// Primvars by name. What is before the first colon names the renderer.
-const ROWS: [(&str, MaskRule); 15] = [
+const ROWS: [(&str, MaskRule); 18] = [
     ("oocpt:visibility", MaskRule::Names),
     ("oocpt:matte", MaskRule::Matte),
+    ("oocpt:shadowCatcher", MaskRule::Catcher),
     ("ri:attributes:visibility:camera", MaskRule::Switch(PrimMask::NO_CAMERA)),
     ("ri:attributes:visibility:indirect", MaskRule::Switch(PrimMask::INDIRECT)),
     ("ri:attributes:visibility:transmission", MaskRule::Switch(PrimMask::NO_SHADOW)),
     ("ri:attributes:Ri:Matte", MaskRule::Matte),
+    ("ri:attributes:trace:holdout", MaskRule::Catcher),
     ("karma:object:rendervisibility", MaskRule::Names),
     ("karma:object:holdoutmode", MaskRule::Holdout),
     ("arnold:visibility", MaskRule::Bits),
@@ -47,6 +52,7 @@ const ROWS: [(&str, MaskRule); 15] = [
     ("arnold:visibility:specular_reflect", MaskRule::Switch(PrimMask::NO_REFLECTION)),
     ("arnold:visibility:specular_transmit", MaskRule::Switch(PrimMask::NO_TRANSMISSION)),
     ("arnold:matte", MaskRule::Matte),
+    ("cycles:object:is_shadow_catcher", MaskRule::Catcher),
 ];
 
 /// The kinds of rays by their names: the bit of a prim that they do not see; empty for those that do not exist here.
@@ -99,7 +105,7 @@ fn number(text: &str) -> Result<f64, String> {
 
 impl MaskRule {
     fn is_of_mattes(self) -> bool {
-        matches!(self, Self::Matte | Self::Holdout)
+        matches!(self, Self::Matte | Self::Catcher | Self::Holdout)
     }
 
     /// The bits that a value sets.
@@ -109,6 +115,7 @@ impl MaskRule {
             Self::Names => of_names(text)?,
             Self::Switch(rays) => given(rays, number(text)? == 0.0),
             Self::Matte => given(PrimMask::MATTE, number(text)? != 0.0),
+            Self::Catcher => given(PrimMask::SHADOW_CATCHER, number(text)? != 0.0),
             Self::Bits => {
                 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "rounded and clamped")]
                 let bits = number(text)?.clamp(0.0, 255.0) as u32;
@@ -117,7 +124,7 @@ impl MaskRule {
             Self::Holdout => match number(text)? {
                 0.0 => PrimMask::empty(),
                 1.0 => PrimMask::MATTE,
-                2.0 => return Err("shadows on the background are not supported".to_owned()),
+                2.0 => PrimMask::SHADOW_CATCHER,
                 other => return Err(format!("{other} is no mode")),
             },
         })
@@ -181,6 +188,10 @@ mod tests {
             ("karma:object:rendervisibility", "", camera | shadow | diffuse | reflection | through),
             ("karma:object:holdoutmode", "1.000000", PrimMask::MATTE),
             ("karma:object:holdoutmode", "0", PrimMask::empty()),
+            ("karma:object:holdoutmode", "2", PrimMask::SHADOW_CATCHER),
+            ("oocpt:shadowCatcher", "1", PrimMask::SHADOW_CATCHER),
+            ("ri:attributes:trace:holdout", "1", PrimMask::SHADOW_CATCHER),
+            ("cycles:object:is_shadow_catcher", "true", PrimMask::SHADOW_CATCHER),
             ("arnold:visibility", "255", PrimMask::empty()),
             ("arnold:visibility", "254", camera),
             ("arnold:visibility", "33", shadow | reflection | through),
@@ -215,7 +226,6 @@ mod tests {
             ("oocpt:visibility", &*long, "xxxx"),
             ("ri:attributes:visibility:camera", "maybe", "maybe is no number"),
             ("arnold:visibility", "nan", "nan is no number"),
-            ("karma:object:holdoutmode", "2", "shadows on the background are not supported"),
             ("karma:object:holdoutmode", "7", "7 is no mode"),
         ];
         for (name, value, said) in cases {

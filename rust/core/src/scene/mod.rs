@@ -59,7 +59,7 @@ pub use snapshot::{
 pub use mesh_lights::MESH_LIGHT;
 pub use mesh_placements::{MeshPlacement, MeshPlacements};
 pub use placement_motion::PlacementMotion;
-pub use prim_names::PrimNames;
+pub use prim_names::{NamingPrimvar, PrimNames};
 pub use summary::summary;
 
 use crate::instancing::GroupId;

@@ -1,23 +1,49 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Names of what a sample can meet, for files that identify it by name (Cryptomatte): placements of prims, the
 //! outermost instance that they are in, materials. Names are paths, which stay the same from frame to frame; a
-//! placement in instancers has the index in each behind it, the outermost first: `/forest/tree/leaf[12][3]`. Pure.
+//! placement in instancers has the index in each behind it, the outermost first: `/forest/tree/leaf[12][3]`. A primvar
+//! of text may name prims and instances otherwise. Pure.
 
 use super::{InstanceTarget, SceneDb, Snapshot};
+use crate::desc::{InstancerDesc, PrimDesc};
 use rustc_hash::FxHashMap;
 use std::sync::Arc;
 
-/// An instancer on the way to a prim, and the number of its placements of what comes next.
-type InstancerLevel = (Arc<str>, u32);
+/// A primvar of text that names things.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct NamingPrimvar {
+    /// Texts by the path of a prim, of which the first counts, or of an instancer, by the number of an instance. An
+    /// empty text is none.
+    pub texts: FxHashMap<Arc<str>, Vec<Arc<str>>>,
+}
+
+/// An instancer on the way to a prim.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct InstancerLevel {
+    /// The instancer, as hosts call it.
+    path: Arc<str>,
+    /// The number of its placements of what comes next.
+    count: u32,
+    /// Numbers of these among all of its instances, where a primvar names them.
+    numbers: Option<Arc<[u32]>>,
+}
 
 /// The instancers on the way to an assembly or prim, from the outermost in; `None` where there are several ways, so
 /// that the flat index of a placement does not say which one it is of.
 type PrimWay = Option<Vec<InstancerLevel>>;
 
+/// A prim and the way to it.
+#[derive(Clone, Debug)]
+struct NamedPrim {
+    /// The path, as hosts call it.
+    path: Arc<str>,
+    way: PrimWay,
+}
+
 /// The names of a scene's prims and materials.
 #[derive(Clone, Debug, Default)]
 pub struct PrimNames {
-    prims: FxHashMap<i32, (Arc<str>, PrimWay)>,
+    prims: FxHashMap<i32, NamedPrim>,
     materials: Vec<Arc<str>>,
 }
 
@@ -25,26 +51,45 @@ impl PrimNames {
     /// The placement `instance` of the mesh with that Hydra id, `instance` the flat index, outer instancer slowest.
     #[must_use]
     pub fn object(&self, prim_id: i32, instance: u32) -> Option<String> {
-        let (path, way) = self.prims.get(&prim_id)?;
+        let NamedPrim { path, way } = self.prims.get(&prim_id)?;
         let indices = match way {
             Some(levels) => indices(levels, instance),
             None => vec![instance],
         };
         let behind: Vec<String> = indices.into_iter().map(|index| format!("[{index}]")).collect();
-        Some(format!("{path}{}", behind.concat()))
+        Some(format!("{}{}", without_copies(path), behind.concat()))
     }
 
     /// The outermost instance that a placement is in, else the parent of its prim.
     #[must_use]
     pub fn asset(&self, prim_id: i32, instance: u32) -> Option<String> {
-        let (path, way) = self.prims.get(&prim_id)?;
+        let NamedPrim { path, way } = self.prims.get(&prim_id)?;
         let placed = way.as_ref().and_then(|levels| {
-            let (instancer, _) = levels.first()?;
-            Some(format!("{instancer}[{}]", indices(levels, instance).first()?))
+            let outermost = without_copies(&levels.first()?.path);
+            Some(format!("{outermost}[{}]", indices(levels, instance).first()?))
         });
+        let path = without_copies(path);
         let parent =
-            || path.rsplit_once('/').map_or(&**path, |(parent, _)| if parent.is_empty() { path } else { parent });
+            || path.rsplit_once('/').map_or(&*path, |(parent, _)| if parent.is_empty() { &path } else { parent });
         Some(placed.unwrap_or_else(|| parent().to_owned()))
+    }
+
+    /// The text that a primvar has for a placement: that of the prim, else that of the innermost instance with one.
+    #[must_use]
+    pub fn text<'a>(&self, prim_id: i32, instance: u32, naming: &'a NamingPrimvar) -> Option<&'a str> {
+        let NamedPrim { path, way } = self.prims.get(&prim_id)?;
+        let of = |path: &Arc<str>, number: usize| {
+            let text = naming.texts.get(path)?.get(number)?;
+            (!text.is_empty()).then_some(&**text)
+        };
+        of(path, 0).or_else(|| {
+            let levels = way.as_ref()?;
+            let mut instances = levels.iter().zip(indices(levels, instance)).rev();
+            instances.find_map(|(level, index)| {
+                let number = *level.numbers.as_ref()?.get(index as usize)?;
+                of(&level.path, number as usize)
+            })
+        })
     }
 
     /// The material of that number in the snapshot.
@@ -79,9 +124,10 @@ fn without_copies(path: &str) -> String {
 fn indices(levels: &[InstancerLevel], instance: u32) -> Vec<u32> {
     let mut rest = instance;
     let mut indices = vec![0; levels.len()];
-    for (at, (_, count)) in levels.iter().enumerate().rev() {
-        indices[at] = rest % count.max(&1);
-        rest /= count.max(&1);
+    for (at, level) in levels.iter().enumerate().rev() {
+        let count = level.count.max(1);
+        indices[at] = rest % count;
+        rest /= count;
     }
     indices
 }
@@ -107,7 +153,11 @@ impl PrimWays {
         for at in (0..count).rev() {
             let Some(way) = ways.assemblies[at].clone() else { continue };
             for member in snapshot.assemblies[at].members() {
-                let level = member.run.is_instanced().then(|| (Arc::clone(&member.path), member.prototype_count()));
+                let level = member.run.is_instanced().then(|| InstancerLevel {
+                    path: Arc::clone(&member.path),
+                    count: member.prototype_count(),
+                    numbers: None,
+                });
                 let next = way.as_ref().map(|levels| levels.iter().cloned().chain(level).collect::<Vec<_>>());
                 match member.target {
                     InstanceTarget::Mesh(_) => {
@@ -132,19 +182,53 @@ fn merge(have: &mut PrimWay, other: &PrimWay) {
     }
 }
 
+/// The numbers of the instances of a prototype, by their index in it.
+fn instance_numbers(instancer: &InstancerDesc, root: &str) -> Option<Arc<[u32]>> {
+    let indices = &instancer.prototypes.iter().find(|prototype| *prototype.root == *root)?.indices;
+    let is_shown = |number: i32| match &instancer.mask {
+        Some(mask) => usize::try_from(number).ok().and_then(|at| mask.boolean(at)).unwrap_or(true),
+        None => true,
+    };
+    let shown = (0..indices.len()).filter_map(|at| indices.index(at)).filter(|number| is_shown(*number));
+    // What is no number of an instance shows nothing.
+    Some(shown.map(|number| u32::try_from(number).unwrap_or(u32::MAX)).collect())
+}
+
 impl SceneDb {
-    /// The names of the prims and materials of the last commit's snapshot.
+    /// The names of the prims and materials of the last commit's snapshot, for these primvars to name them.
     #[must_use]
-    pub fn prim_names(&self) -> PrimNames {
+    pub fn prim_names(&self, naming: &[Arc<NamingPrimvar>]) -> PrimNames {
         let mut ways = PrimWays::of(&self.snapshot).prims;
+        let mut known = FxHashMap::default();
         let prims = self.meshes.iter().filter_map(|(path, entry)| {
             let id = entry.desc.prim_id;
-            let levels = ways
-                .remove(&id)?
-                .map(|levels| levels.into_iter().map(|(path, count)| (without_copies(&path).into(), count)).collect());
-            Some((id, (without_copies(path).into(), levels)))
+            let mut way = ways.remove(&id)?;
+            way.iter_mut().for_each(|levels| self.number(levels, &entry.desc.prim, naming, &mut known));
+            Some((id, NamedPrim { path: Arc::clone(path), way }))
         });
         PrimNames { prims: prims.collect(), materials: self.snapshot.surfaces.material_paths.clone() }
+    }
+
+    /// Adds the numbers of the instances on the way to `prim` that a primvar names.
+    fn number(
+        &self,
+        levels: &mut [InstancerLevel],
+        prim: &PrimDesc,
+        naming: &[Arc<NamingPrimvar>],
+        known: &mut FxHashMap<(Arc<str>, Arc<str>), Option<Arc<[u32]>>>,
+    ) {
+        let mut inner = Some(prim);
+        for level in levels.iter_mut().rev() {
+            let instancer = self.instancers.get(&level.path).map(|entry| &entry.desc);
+            let by = inner.and_then(|inner| inner.instanced_by.iter().find(|by| by.instancer == level.path));
+            inner = instancer.map(|instancer| &instancer.prim);
+            let (Some(instancer), Some(by)) = (instancer, by) else { continue };
+            if naming.iter().any(|primvar| primvar.texts.contains_key(&level.path)) {
+                let key = (Arc::clone(&level.path), Arc::clone(&by.prototype_root));
+                let numbers = known.entry(key).or_insert_with(|| instance_numbers(instancer, &by.prototype_root));
+                level.numbers.clone_from(numbers);
+            }
+        }
     }
 }
 
@@ -153,11 +237,12 @@ mod tests {
     use super::*;
 
     fn level(path: &str, count: u32) -> InstancerLevel {
-        (path.into(), count)
+        InstancerLevel { path: path.into(), count, numbers: None }
     }
 
     fn names(way: PrimWay) -> PrimNames {
-        PrimNames { prims: [(7, ("/forest/tree/leaf".into(), way))].into_iter().collect(), materials: Vec::new() }
+        let prim = NamedPrim { path: "/forest/tree/leaf".into(), way };
+        PrimNames { prims: [(7, prim)].into_iter().collect(), materials: Vec::new() }
     }
 
     #[test]
@@ -166,6 +251,25 @@ mod tests {
         assert_eq!(nested.object(7, 12 * 8 + 3).as_deref(), Some("/forest/tree/leaf[12][3]"));
         assert_eq!(nested.asset(7, 12 * 8 + 3).as_deref(), Some("/forest[12]"));
         assert_eq!(nested.object(8, 0), None, "nobody has this id");
+    }
+
+    #[test]
+    fn a_primvar_names_prims_and_the_innermost_instance_with_a_text() {
+        let numbers = |numbers: &[u32]| Some(numbers.into());
+        let outer = InstancerLevel { numbers: numbers(&[1, 0]), ..level("/forest", 2) };
+        let inner = InstancerLevel { numbers: numbers(&[2, 9]), ..level("/forest/tree", 2) };
+        let nested = names(Some(vec![outer, inner]));
+        let mut naming = NamingPrimvar::default();
+        let mut set = |path: &str, texts: &[&str]| {
+            naming.texts.insert(path.into(), texts.iter().map(|text| Arc::from(*text)).collect());
+            (0..4).map(|instance| nested.text(7, instance, &naming).map(str::to_owned)).collect::<Vec<_>>()
+        };
+        let texts = |texts: [&str; 4]| texts.map(|text| (!text.is_empty()).then(|| text.to_owned())).to_vec();
+        assert_eq!(set("/elsewhere", &["x"]), texts(["", "", "", ""]));
+        assert_eq!(set("/forest", &["oak", "fir"]), texts(["fir", "fir", "oak", "oak"]));
+        assert_eq!(set("/forest/tree", &["", "", "low"]), texts(["low", "fir", "low", "oak"]), "there is no tenth");
+        assert_eq!(set("/forest/tree/leaf", &[""]), texts(["low", "fir", "low", "oak"]), "an empty text is none");
+        assert_eq!(set("/forest/tree/leaf", &["leaf", "x"]), texts(["leaf"; 4]));
     }
 
     #[test]

@@ -82,6 +82,12 @@ impl SurfaceTables {
         self.shown_primvars.iter().find(|(shown, _)| **shown == *name).map_or(NO_NAME, |(_, number)| *number)
     }
 
+    /// Whether some prim is a shadow catcher.
+    #[must_use]
+    pub fn catches_shadows(&self) -> bool {
+        self.masks.iter().any(|mask| mask.contains(PrimMask::SHADOW_CATCHER))
+    }
+
     /// Features that the materials need.
     #[must_use]
     pub fn features(&self) -> Features {

@@ -86,7 +86,8 @@ impl CompiledFeatures {
         needed.set(Features::CLIPPING, !context.clip_planes.is_empty());
         needed.set(Features::ADAPTIVE, film.adaptive().is_some());
         needed.set(Features::PIXEL_FILTER, film.has_color() && !job.settings.filter().is_plain());
-        needed.set(Features::PATH_EXPRESSIONS, film.light_words() > 0);
+        needed.set(Features::PATH_EXPRESSIONS, !film.expressions().is_empty());
+        needed.set(Features::SHADOW_SUMS, film.has_shadows());
         needed.set(Features::BOUNCE_KINDS, limits_kinds(&job.settings));
         needed.set(Features::STREAMING, streams);
         // While streaming a ray waits for the texture of a cutout as it does for chunks.

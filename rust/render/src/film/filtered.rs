@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Images that are filtered with the samples: for each the mean over a pixel's samples of what they meet first, or of
-//! the light that they meet on the paths of an expression, or the ids of what they meet first, ranked by their number,
+//! the light that they meet on the paths of an expression, or how much of the light that shadow rays ask for arrives,
+//! or the ids of what they meet first, ranked by their number,
 //! or what they meet first by its depth.
 //! Values lie in this order.
 //!
@@ -11,7 +12,7 @@
 use crate::job::aov::AovKind;
 use crate::job::deep::DeepLimits;
 use crate::job::expression::ExpressionId;
-use oocpt_abi::{DEEP_WORDS, DeepSlot, FrameConstants, ID_SLOTS, IdSlot, PlaneOffsets, PlaneSum};
+use oocpt_abi::{DEEP_WORDS, DeepSlot, FrameConstants, ID_SLOTS, IdSlot, NO_INDEX, PlaneOffsets, PlaneSum};
 use oocpt_gpu::{Buffer, BufferUsage, Gpu, GpuError};
 use std::sync::Arc;
 
@@ -44,8 +45,7 @@ struct SampleWords {
 impl SampleWords {
     fn of(kinds: &[AovKind]) -> Self {
         let summed = kinds.iter().filter(|kind| !kind.is_list());
-        // At most four for each kind.
-        let summed = summed.map(|kind| u32::try_from(kind.channels()).unwrap_or(0)).sum();
+        let summed = summed.map(|kind| kind.summed_words()).sum();
         let ids = kinds.iter().filter(|kind| kind.ranks_ids()).count();
         Self { summed, ids: u32::try_from(ids).unwrap_or(0), deep: kinds.iter().find_map(|kind| kind.deep()) }
     }
@@ -78,8 +78,9 @@ pub(crate) fn filtered(kinds: &[AovKind], filters: bool) -> Vec<AovKind> {
     let of_samples = || kinds.iter().copied().filter(|kind| kind.is_of_samples(filters));
     let (means, lists): (Vec<_>, Vec<_>) = of_samples().partition(|kind| !kind.is_list());
     let (ids, deep): (Vec<_>, Vec<_>) = lists.into_iter().partition(|kind| kind.ranks_ids());
+    let (shadows, means): (Vec<_>, Vec<_>) = means.into_iter().partition(|kind| kind.is_of_shadows());
     // Requests have one deep image at most.
-    [means, ids, deep].concat()
+    [means, shadows, ids, deep].concat()
 }
 
 /// Bytes of the sums and slots of a film of so many records.
@@ -112,6 +113,17 @@ impl FilteredPlanes {
     /// The light path expressions among them.
     pub(crate) fn expressions(&self) -> Vec<ExpressionId> {
         self.kinds.iter().filter_map(|kind| kind.expression()).collect()
+    }
+
+    /// Values of a sample that paths have until they end: of expressions, then of shadows; the last that are summed.
+    pub(crate) fn light_words(&self) -> u32 {
+        let of_light = self.kinds.iter().filter(|kind| kind.expression().is_some() || kind.is_of_shadows());
+        of_light.map(|kind| kind.summed_words()).sum()
+    }
+
+    /// Whether some of them are of shadows.
+    pub(crate) fn has_shadows(&self) -> bool {
+        self.kinds.iter().any(|kind| kind.is_of_shadows())
     }
 
     /// Whether some of them are of what samples meet first.
@@ -152,6 +164,10 @@ impl FilteredPlanes {
         frame.plane_words = self.sample.all();
         (frame.sum_words, frame.id_count) = (self.sample.summed, self.sample.ids);
         frame.light_count = u32::try_from(self.expressions().len()).unwrap_or(0);
+        frame.light_words = self.light_words();
+        let first = self.sample.summed - frame.light_words;
+        let place = |kind| self.place_of(kind).map_or(NO_INDEX, |at| at - first);
+        (frame.shadow_at, frame.catcher_at) = (place(AovKind::Shadow), place(AovKind::ShadowCatcher));
         for (kind, at) in self.places() {
             if let Some(first) = offset(&mut frame.plane_at, kind) {
                 *first = at;
@@ -196,6 +212,9 @@ fn offset(at: &mut PlaneOffsets, kind: AovKind) -> Option<&mut u32> {
         | AovKind::SampleCount
         | AovKind::Variance
         | AovKind::Error
+        | AovKind::MaterialId
+        | AovKind::Shadow
+        | AovKind::ShadowCatcher
         | AovKind::Denoised
         | AovKind::Primvar(_)
         | AovKind::Light(_)
@@ -217,11 +236,12 @@ mod tests {
         let all = filtered(&AovKind::ALL, true);
         assert_eq!(
             SampleWords::of(&all),
-            SampleWords { summed: 18, ids: 2, deep: None },
-            "six images of three channels"
+            SampleWords { summed: 27, ids: 2, deep: None },
+            "six images of three channels, and shadows"
         );
         assert!(all[..6].iter().all(|kind| kind.is_filterable()), "ids come last: {all:?}");
-        assert_eq!(filtered(&AovKind::ALL, false), [AovKind::CryptoObject, AovKind::CryptoMaterial]);
+        let always = [AovKind::Shadow, AovKind::ShadowCatcher, AovKind::CryptoObject, AovKind::CryptoMaterial];
+        assert_eq!(filtered(&AovKind::ALL, false), always);
         let [mean, centred] = [false, true].map(|is| AovKind::Primvar(PrimvarImage::of("st", is).expect("a name")));
         assert_eq!(filtered(&[mean, centred], true), [mean], "whole numbers have no mean");
         assert_eq!(SampleWords::of(&[mean]), SampleWords { summed: 4, ids: 0, deep: None });

@@ -283,9 +283,14 @@ impl Film {
         self.filtered.as_ref().map_or_else(Vec::new, FilteredPlanes::expressions)
     }
 
-    /// Values that a sample has for these.
+    /// Values that a sample has for these and for shadows.
     pub(crate) fn light_words(&self) -> u32 {
-        u32::try_from(3 * self.expressions().len()).unwrap_or(0)
+        self.filtered.as_ref().map_or(0, FilteredPlanes::light_words)
+    }
+
+    /// Whether it is wanted how much of the light arrives that shadow rays ask for.
+    pub(crate) fn has_shadows(&self) -> bool {
+        self.filtered.as_ref().is_some_and(FilteredPlanes::has_shadows)
     }
 
     /// Whether some image is filtered of what samples meet first.
@@ -390,6 +395,7 @@ impl Film {
         frame.film = self.film.as_ref().map_or(0, Buffer::address);
         frame.color = self.color.as_ref().map_or(0, Buffer::address);
         frame.plane_at = PlaneOffsets::NONE;
+        (frame.shadow_at, frame.catcher_at) = (NO_INDEX, NO_INDEX);
         if let Some(filtered) = &self.filtered {
             filtered.bind(frame);
         }
@@ -420,6 +426,9 @@ impl Film {
                 AovKind::Error => &mut frame.aov.error,
                 AovKind::CryptoObject => &mut frame.aov.crypto_object,
                 AovKind::CryptoMaterial => &mut frame.aov.crypto_material,
+                AovKind::MaterialId => &mut frame.aov.material_id,
+                AovKind::Shadow => &mut frame.aov.shadow,
+                AovKind::ShadowCatcher => &mut frame.aov.shadow_catcher,
             };
             *address = plane.address();
         }
@@ -561,6 +570,7 @@ fn bind_clear(frame: &mut FrameConstants, aov: &AovRequest) {
         AovKind::PrimId => frame.aov_clear.prim_id = id,
         AovKind::InstanceId => frame.aov_clear.instance_id = id,
         AovKind::ElementId => frame.aov_clear.element_id = id,
+        AovKind::MaterialId => frame.aov_clear.material_id = id,
         AovKind::Normal => frame.aov_clear.normal = [x, y, z],
         AovKind::Neye => frame.aov_clear.neye = [x, y, z],
         AovKind::Albedo => frame.aov_clear.albedo = [x, y, z],
@@ -570,10 +580,12 @@ fn bind_clear(frame: &mut FrameConstants, aov: &AovRequest) {
         AovKind::GeometricNormal => frame.aov_clear.geometric_normal = [x, y, z],
         // What is not there does not move.
         AovKind::MotionBoth => {}
-        // Every pixel has one, and light that is not there is 0.
+        // Every pixel has one, and light and shadows that are not there are 0.
         AovKind::SampleCount
         | AovKind::Variance
         | AovKind::Error
+        | AovKind::Shadow
+        | AovKind::ShadowCatcher
         | AovKind::Denoised
         | AovKind::Primvar(_)
         | AovKind::Light(_) => {}

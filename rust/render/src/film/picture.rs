@@ -106,15 +106,20 @@ pub fn write(path: &Path, size: [u32; 2], rgba: &[f32], attributes: &PictureAttr
     written.map_err(|error| PictureError::File(path.display().to_string(), error.to_string()))
 }
 
+/// A text of a file, which is UTF-8 as `OpenEXR` has it. The library's own conversion panics beyond Latin-1.
+pub(crate) fn exr_text(text: &str) -> Text {
+    Text::from_slice_unchecked(text.as_bytes())
+}
+
 /// A layer's attributes in the terms of the EXR library.
 pub(crate) fn layer_attributes(attributes: &PictureAttributes) -> LayerAttributes {
     let mut layer = LayerAttributes::default();
     for (name, value) in attributes {
         let value = match value {
-            PictureAttribute::Text(text) => AttributeValue::Text(Text::from(text.as_str())),
+            PictureAttribute::Text(text) => AttributeValue::Text(exr_text(text.as_str())),
             PictureAttribute::Number(number) => AttributeValue::F64(*number),
         };
-        layer.other.insert(Text::from(format!("{PREFIX}{name}").as_str()), value);
+        layer.other.insert(exr_text(format!("{PREFIX}{name}").as_str()), value);
     }
     layer
 }
@@ -140,7 +145,9 @@ pub fn read_attributes(path: &Path) -> Result<PictureAttributes, PictureError> {
         for (name, value) in header.own_attributes.other.iter().chain(&header.shared_attributes.other) {
             let Some(name) = name.to_string().strip_prefix(PREFIX).map(printable) else { continue };
             let value = match value {
-                AttributeValue::Text(text) => PictureAttribute::Text(printable(&text.to_string())),
+                AttributeValue::Text(text) => {
+                    PictureAttribute::Text(printable(&String::from_utf8_lossy(text.as_slice())))
+                }
                 AttributeValue::F64(number) => PictureAttribute::Number(*number),
                 AttributeValue::F32(number) => PictureAttribute::Number(f64::from(*number)),
                 AttributeValue::I32(number) => PictureAttribute::Number(f64::from(*number)),

@@ -41,6 +41,8 @@ pub(crate) fn obstacle(settings: &Settings) -> Option<&'static str> {
         Some("samples of oocpt:stragglerRoulette do not merge")
     } else if settings.pixel_filter == PixelFilterKind::Mitchell {
         Some("samples of a filter that is negative in part (oocpt:pixelFilter mitchell) do not merge")
+    } else if job.snapshot.surfaces.catches_shadows() {
+        Some("the alpha of shadow catchers does not merge")
     } else {
         None
     }

@@ -39,7 +39,7 @@ pub(crate) fn path_needs(context: &FrameContext<'_>, textures: bool, deferred_cu
         bounce_kinds: limits_kinds(&context.job.settings),
         plane_words: context.film.plane_words(),
         light_words: 0,
-        path_states: context.film.light_words() > 0,
+        path_states: !context.film.expressions().is_empty(),
     }
 }
 

@@ -9,7 +9,7 @@
 use crate::job::deep::DeepLimits;
 use crate::job::expression::ExpressionId;
 use crate::job::primvar::PrimvarImage;
-use oocpt_abi::DeepSlot;
+use oocpt_abi::{CATCHER_WORDS, DeepSlot, SHADOW_WORDS};
 
 macro_rules! aov_kinds {
     ($($(#[doc = $doc:literal])+ $name:ident: $token:literal, $channels:literal;)+) => {
@@ -100,6 +100,14 @@ aov_kinds! {
     CryptoObject: "cryptoObject", 18;
     /// The same by material: its number + 1, 0, and the share.
     CryptoMaterial: "cryptoMaterial", 18;
+    /// Number of the material of the surface; i32, -1 where there is none.
+    MaterialId: "materialId", 1;
+    /// The share of the light that lamps and domes send to what samples meet first which does not arrive, by channel
+    /// and of the luminance; f32, 0 where no light could arrive.
+    Shadow: "shadow", 4;
+    /// What shadow catchers have of `Color`'s alpha: their share of the pixel times the share of the light that does
+    /// not arrive at them; f32.
+    ShadowCatcher: "shadowCatcher", 1;
     /// `Color` as the denoiser makes it (`crate::denoiser`); it is `Color` itself on the way and where there is none.
     Denoised: "denoised", 4;
 }
@@ -150,7 +158,27 @@ impl AovKind {
     /// Whether the image is of values that samples have beside their light; `filters`: as
     /// [`oocpt_core::settings::Settings::filter_aovs`] says.
     pub(crate) fn is_of_samples(self, filters: bool) -> bool {
-        filters && self.is_filterable() || self.expression().is_some() || self.is_list()
+        filters && self.is_filterable() || self.expression().is_some() || self.is_list() || self.is_of_shadows()
+    }
+
+    /// Whether the image is made of the light that shadow rays ask for, and of what of it arrives.
+    pub(crate) fn is_of_shadows(self) -> bool {
+        matches!(self, Self::Shadow | Self::ShadowCatcher)
+    }
+
+    /// Values of a sample that are summed for an image of samples that is no list.
+    pub(crate) fn summed_words(self) -> u32 {
+        match self {
+            Self::Shadow => SHADOW_WORDS,
+            Self::ShadowCatcher => CATCHER_WORDS,
+            // At most four.
+            kind => u32::try_from(kind.channels()).unwrap_or(0),
+        }
+    }
+
+    /// Whether a pixel is a whole number.
+    pub fn is_id(self) -> bool {
+        matches!(self, Self::PrimId | Self::InstanceId | Self::ElementId | Self::MaterialId)
     }
 
     /// Whether the image is the mean over a pixel's samples of what each meets first, where
@@ -171,14 +199,14 @@ impl AovKind {
     /// Whether the image says something of the samples of `Color`, or is a part of it.
     pub(crate) fn is_of_light(self) -> bool {
         let tells = matches!(self, Self::Denoised | Self::SampleCount | Self::Variance | Self::Error);
-        tells || matches!(self, Self::Color | Self::Light(_) | Self::Deep(_))
+        tells || self.is_of_shadows() || matches!(self, Self::Color | Self::Light(_) | Self::Deep(_))
     }
 
     /// Hydra's usual value of a pixel that nothing covers.
     pub fn default_clear(self) -> [f32; 4] {
         match self {
             Self::Depth => [1.0; 4],
-            Self::PrimId | Self::InstanceId | Self::ElementId => [-1.0; 4],
+            kind if kind.is_id() => [-1.0; 4],
             _ => [0.0; 4],
         }
     }

@@ -6,6 +6,7 @@
 //! an interactive session a job of the newest request follows at once, with the scene of the commit before; another one
 //! comes when the scene is another one. In a batch session a job comes after its commit alone.
 
+use crate::job::aov::{AovKind, AovRequest};
 use crate::job::edits::EditQueue;
 use crate::job::light_files::LightFiles;
 use crate::job::product::{ProductFile, ProductPicture};
@@ -13,7 +14,7 @@ use crate::job::request::RenderRequest;
 use crate::job::{RenderJob, SessionOptions};
 use crate::textures::ImageLibrary;
 use oocpt_core::inventory::PrimvarUse;
-use oocpt_core::scene::{PrimNames, Snapshot};
+use oocpt_core::scene::{NamingPrimvar, PrimNames, Snapshot};
 use oocpt_core::settings::Settings;
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -47,6 +48,15 @@ impl RenderAsk {
             || files.flat_map(|file| &file.channels).any(|channel| channel.cryptomatte.is_some())
     }
 
+    /// The primvars that name what its pictures show.
+    pub(crate) fn naming(&self) -> Vec<Arc<NamingPrimvar>> {
+        let files = self.before.iter().flat_map(|picture| &picture.files).chain(self.products.iter());
+        let layers = files.flat_map(|file| &file.channels).filter_map(|channel| channel.cryptomatte.as_ref());
+        let mut all: Vec<Arc<NamingPrimvar>> = layers.filter_map(|layer| layer.naming.clone()).collect();
+        all.dedup_by(|a, b| Arc::ptr_eq(a, b));
+        all
+    }
+
     /// Names of the primvars that its pictures show, sorted.
     pub(crate) fn shown_primvars(&self) -> Vec<Arc<str>> {
         let requests = self.before.iter().map(|picture| &picture.request).chain([&self.request]);
@@ -63,7 +73,9 @@ impl RenderAsk {
 
     /// Whether the job is what is asked for, whatever its scene.
     fn is_of(&self, job: &RenderJob) -> bool {
-        self.is_same(&job.request, &job.settings, &job.files) && self.products == job.products
+        let request = with_catchers(self.request.clone(), &job.snapshot);
+        let is_same = request == job.request && self.settings == job.settings && Arc::ptr_eq(&self.files, &job.files);
+        is_same && self.products == job.products
     }
 
     fn is_like(&self, other: &Self) -> bool {
@@ -89,8 +101,8 @@ impl RenderAsk {
         let Self { request, settings, options, images, files, products, before: _ } = self;
         let CommittedScene { snapshot, primvars, identity, names, meshes_made, fixed_host_bytes } = scene;
         Arc::new(RenderJob {
+            request: with_catchers(request, &snapshot),
             snapshot,
-            request,
             settings,
             options,
             images,
@@ -107,6 +119,16 @@ impl RenderAsk {
             generation,
         })
     }
+}
+
+/// A request with the image of the alpha that shadow catchers have, where a scene has some and colour is wanted.
+fn with_catchers(mut request: RenderRequest, snapshot: &Snapshot) -> RenderRequest {
+    let (kinds, kind) = (request.kinds(), AovKind::ShadowCatcher);
+    let is_wanted = kinds.contains(&AovKind::Color) || kinds.contains(&AovKind::Denoised);
+    if is_wanted && !kinds.contains(&kind) && snapshot.surfaces.catches_shadows() {
+        request.aovs.push(AovRequest { kind, clear: kind.default_clear() });
+    }
+    request
 }
 
 /// The result of a commit.

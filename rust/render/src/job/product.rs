@@ -5,7 +5,9 @@ use crate::job::aov::AovKind;
 use crate::job::deep::DeepLimits;
 use crate::job::request::RenderRequest;
 use oocpt_core::file_space::FileSpace;
+use oocpt_core::scene::NamingPrimvar;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 /// A render product as the scene has it (`UsdRenderProduct`); nothing of it is checked.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -18,6 +20,8 @@ pub struct RenderProduct {
     pub name: String,
     /// `orderedVars`.
     pub vars: Vec<ProductVar>,
+    /// What the host does not have of it, so that there is no picture; continues "the product is not written: ".
+    pub missing: String,
     /// Its namespaced settings as text.
     pub settings: Vec<(String, String)>,
     /// Those of these that are numbers.
@@ -32,6 +36,10 @@ pub struct RenderProduct {
     pub data_corner: [i32; 2],
     /// The frame, if the host tells it.
     pub frame: Option<f64>,
+    /// Time codes, which frames are numbered by, per second, if the host tells it.
+    pub rate: Option<f64>,
+    /// Time codes from the frame to the opening and the closing of the shutter that counts; alike if nothing moves.
+    pub shutter: [f64; 2],
     /// The picture it is written of, without images. `None`: the one that the host asks for.
     pub picture: Option<RenderRequest>,
 }
@@ -60,13 +68,20 @@ pub struct ProductVar {
     pub source_type: String,
     /// Its namespaced settings as text.
     pub settings: Vec<(String, String)>,
+    /// The texts of the primvar that names what it shows, if it is a Cryptomatte with one ([`crate::naming_primvar`]).
+    pub naming: Option<Arc<NamingPrimvar>>,
+}
+
+/// A setting of a var or a product under one of its names.
+pub(crate) fn setting<'a>(settings: &'a [(String, String)], names: &[&str]) -> Option<&'a str> {
+    names.iter().find_map(|name| settings.iter().find(|(key, _)| key == name)).map(|(_, value)| value.trim())
 }
 
 impl FileChannel {
     /// The part of a file of several parts that it is in: its layer.
     pub(crate) fn part(&self) -> &str {
         match (&self.cryptomatte, self.name.rsplit_once('.')) {
-            (Some((_, layer)), _) => layer,
+            (Some(layer), _) => &layer.name,
             (None, Some((layer, _))) => layer,
             (None, None) if matches!(&*self.name, "R" | "G" | "B" | "A") => "rgba",
             (None, None) => &self.name,
@@ -94,6 +109,15 @@ pub(crate) enum CryptomatteKind {
     Material,
     /// Outermost instances, or parents of prims.
     Asset,
+}
+
+/// A Cryptomatte layer.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct MatteLayer {
+    pub(crate) kind: CryptomatteKind,
+    pub(crate) name: String,
+    /// Names things that have a text of it.
+    pub(crate) naming: Option<Arc<NamingPrimvar>>,
 }
 
 /// What a channel of a deep image has of a sample.
@@ -125,8 +149,8 @@ impl DeepPart {
 pub(crate) struct FileChannel {
     pub(crate) name: String,
     pub(crate) kind: AovKind,
-    /// It is one of a Cryptomatte layer of that name, which is made of the image: components are those of the layer.
-    pub(crate) cryptomatte: Option<(CryptomatteKind, String)>,
+    /// It is one of a Cryptomatte layer, which is made of the image: components are those of the layer.
+    pub(crate) cryptomatte: Option<MatteLayer>,
     pub(crate) component: usize,
     pub(crate) format: SampleFormat,
 }
@@ -167,6 +191,16 @@ pub(crate) struct FileStorage {
     pub(crate) has_parts: bool,
 }
 
+/// When the picture of a file is of.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct FileTimes {
+    pub(crate) frame: Option<f64>,
+    /// Frames per second.
+    pub(crate) rate: Option<f64>,
+    /// Frames to the opening and the closing of the shutter.
+    pub(crate) shutter: [f64; 2],
+}
+
 /// A file that is to be written of a picture.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct ProductFile {
@@ -185,7 +219,7 @@ pub(crate) struct ProductFile {
     pub(crate) pixel_aspect: f32,
     pub(crate) display_size: [u32; 2],
     pub(crate) data_corner: [i32; 2],
-    pub(crate) frame: Option<f64>,
+    pub(crate) times: FileTimes,
     /// A command line moves it to its place: its name is nobody's.
     pub(crate) is_temporary: bool,
 }

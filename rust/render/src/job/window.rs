@@ -175,9 +175,7 @@ impl PictureLayout {
             reason = "clear values of ids are given as floats; the cast saturates"
         )]
         let value = match kind {
-            AovKind::PrimId | AovKind::InstanceId | AovKind::ElementId => {
-                [clear[0].round() as i32; 4].map(i32::to_ne_bytes)
-            }
+            kind if kind.is_id() => [clear[0].round() as i32; 4].map(i32::to_ne_bytes),
             _ => clear.map(f32::to_ne_bytes),
         };
         let value = &value.as_flattened()[..kind.pixel_bytes()];

@@ -89,7 +89,7 @@ impl SessionScene {
         let (primvars, meshes_made) = (self.primvars_of(commit.snapshot.version), self.db.meshes_made());
         let has_file = [&settings.checkpoint, &settings.film_part].iter().any(|file| !file.is_empty());
         let identity = (has_file && !settings.interactive).then(|| self.identity(ask));
-        let names = ask.names_things().then(|| Arc::new(self.db.prim_names()));
+        let names = ask.names_things().then(|| Arc::new(self.db.prim_names(&ask.naming())));
         CommittedScene { snapshot: commit.snapshot, primvars, identity, names, meshes_made, fixed_host_bytes }
     }
 

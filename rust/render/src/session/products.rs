@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Render products of a session: planned by the host's thread, written by the render thread.
 
-use crate::film::picture::{self, PictureAttribute, PictureAttributes};
+use crate::film::picture::{self, PictureAttributes};
 use crate::film::products::{self, ProductPlan};
 use crate::job::RenderJob;
 use crate::job::product::RenderProduct;
@@ -47,8 +47,7 @@ pub(super) fn write(job: &RenderJob, shared: &SharedState) {
     let made = attributes(shared, &job.settings);
     let inputs = inputs(&job.snapshot);
     for file in job.products.iter() {
-        let frame = file.frame.map(|frame| ("frame".to_owned(), PictureAttribute::Number(frame)));
-        let attributes: PictureAttributes = made.iter().cloned().chain(frame).collect();
+        let attributes: PictureAttributes = made.iter().cloned().chain(products::times(file)).collect();
         match products::write(file, &job.request, &published, (&attributes, job.names.as_deref()), &inputs) {
             Ok(warnings) => {
                 for text in warnings {

@@ -330,8 +330,7 @@ fn sorted(needs: StreamingNeeds) -> u32 {
 
 /// The needs of the paths in slots.
 fn path_needs(needs: StreamingNeeds) -> PathNeeds {
-    let StreamingNeeds { textures, light_paths, shadows, bounce_kinds, light_words, .. } = needs;
-    let path_states = light_words > 0;
+    let StreamingNeeds { textures, light_paths, shadows, bounce_kinds, light_words, path_states, .. } = needs;
     let none = PathNeeds::default();
     PathNeeds { shadows, textures, light_paths, bounce_kinds, light_words, path_states, ..none }
 }
@@ -381,6 +380,7 @@ mod tests {
                 bounce_kinds: shadows && materials,
                 plane_words: 3 * (bits % 3),
                 light_words: 3 * (bits % 3 / 2),
+                path_states: bits % 6 == 2,
             };
             // The largest number of places is assumed, eight a slot.
             let of = |capacity: u32| {

@@ -204,6 +204,7 @@ fn make_buffers(
         bounce_kinds: limits_kinds(&job.settings),
         plane_words: context.film.plane_words(),
         light_words: context.film.light_words(),
+        path_states: !context.film.expressions().is_empty(),
     };
     let most = if leaves_soon(job) { MIN_PATHS } else { most_paths(context) };
     let paths = job.request.pixels() * u64::from(job.settings.samples_per_pixel);

@@ -34,7 +34,7 @@ pub(crate) struct PathNeeds {
     pub(crate) bounce_kinds: bool,
     /// Values that a sample has for filtered images, in core: while streaming they are in the segments.
     pub(crate) plane_words: u32,
-    /// Values of light path expressions, while streaming: in core they are among those of filtered images.
+    /// Values of light path expressions and shadows, while streaming: in core they are among those of filtered images.
     pub(crate) light_words: u32,
     /// States of paths, and of shadow rays, in the automaton of light path expressions.
     pub(crate) path_states: bool,
@@ -271,7 +271,7 @@ impl PathBuffers {
         frame.plane_values = at(PathArray::PlaneValues);
         frame.path_states = at(PathArray::PathStates);
         frame.shadow_states = at(PathArray::ShadowStates);
-        let words = 3 * frame.light_count;
+        let words = frame.light_words;
         (frame.light_values, frame.light_stride) = match self.get(PathArray::LightValues) {
             Some(values) => (values.address(), words),
             // The last ones of each path.

@@ -31,6 +31,7 @@ fn image_of(also: Also) -> AovKind {
         Also::Deep => AovKind::Deep(DeepLimits::default()),
         Also::Errors => AovKind::Error,
         Also::Counts => AovKind::SampleCount,
+        Also::Shadows => AovKind::Shadow,
         Also::Motion => AovKind::Motion,
         _ => AovKind::Color,
     }

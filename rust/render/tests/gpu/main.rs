@@ -44,6 +44,7 @@ mod refitted;
 mod sample_counts;
 mod scenes;
 mod several_devices;
+mod shadows;
 mod streaming;
 mod support;
 mod target_error;

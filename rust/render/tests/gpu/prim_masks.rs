@@ -155,7 +155,7 @@ fn each_kind_of_ray_passes_by_its_own_bit() {
             let given = shown(Some(other));
             assert!((given - expected).abs() < 1e-6 + 0.02 * expected, "{what}, {other:?}: {given}, not {expected}");
         }
-        let all = shown(Some(PrimMask::all() - PrimMask::MATTE));
+        let all = shown(Some(PrimMask::all() - PrimMask::MATTE - PrimMask::SHADOW_CATCHER));
         assert!((all - without).abs() < 1e-6 + 0.02 * without, "{what}: hidden from all rays, {all}, not {without}");
     }
 }
@@ -371,6 +371,7 @@ fn masked(db: &mut SceneDb) {
         ("/unseen", "/glass", PrimMask::NO_CAMERA | PrimMask::NO_DIFFUSE, DVec3::new(0.4, 0.9, 3.4)),
         ("/lantern", "/glow", PrimMask::NO_REFLECTION, DVec3::new(1.8, 1.6, 2.6)),
         ("/flat", "/glass", PrimMask::NO_TRANSMISSION, DVec3::new(2.4, 0.7, 4.0)),
+        ("/caught", "/mirror", PrimMask::SHADOW_CATCHER, DVec3::new(-2.4, 0.7, 4.2)),
     ];
     for (id, (path, material, mask, at)) in (5..).zip(things) {
         let place = DMat4::from_translation(at) * DMat4::from_scale(DVec3::splat(0.5));

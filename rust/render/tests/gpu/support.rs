@@ -98,7 +98,7 @@ pub(crate) fn request(camera: Camera) -> RenderRequest {
     let [x0, y0, x1, y1] = camera.data_window;
     let clear = |kind| match kind {
         AovKind::Depth => [1.0, 0.0, 0.0, 0.0],
-        AovKind::PrimId | AovKind::InstanceId | AovKind::ElementId => [-1.0, 0.0, 0.0, 0.0],
+        kind if AovKind::is_id(kind) => [-1.0, 0.0, 0.0, 0.0],
         _ => [0.0; 4],
     };
     RenderRequest {

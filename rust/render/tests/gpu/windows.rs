@@ -39,7 +39,7 @@ fn expect_window(window: PixelWindow, request: &RenderRequest, whole: &[Vec<u8>]
     for ((aov, whole), image) in request.aovs.iter().zip(whole).zip(images) {
         let bytes = aov.kind.pixel_bytes();
         let clear = match aov.kind {
-            AovKind::PrimId | AovKind::InstanceId | AovKind::ElementId => (-1_i32).to_ne_bytes(),
+            kind if kind.is_id() => (-1_i32).to_ne_bytes(),
             _ => aov.clear[0].to_ne_bytes(),
         };
         for (number, (have, want)) in (0..).zip(image.chunks_exact(bytes).zip(whole.chunks_exact(bytes))) {

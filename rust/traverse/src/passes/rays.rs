@@ -2,12 +2,14 @@
 //! The rays of the two passes: walks a block of them, begins each walk, and stores its result.
 
 use super::light_parts::LightParts;
+use super::shadow_sums::ShadowSums;
 use super::{PassContext, QueuePushes, RAY_WORDS, RAYS_AT_ONCE, SHADOW_WORDS};
 use crate::simd::Simd;
+use crate::vector::V3;
 use crate::walk::{ClosestHit, MAX_NESTING, RayTraversal, WorldRay};
 use oocpt_abi::{
-    Features, PathProgress, PrimMask, RAY_WORD_BOUNCE, RAY_WORD_FLAGS, RayFlags, SHADOW_BIT, unpack_ray_bounce,
-    unpack_shadow_bounce,
+    Features, PathProgress, PrimMask, RAY_WORD_BOUNCE, RAY_WORD_FLAGS, RAY_WORD_IN_SHADOW, RayFlags, SHADOW_BIT,
+    unpack_color, unpack_ray_bounce, unpack_shadow_bounce,
 };
 use oocpt_gpu::{HostBytes, HostWords};
 use pulp::NullaryFnOnce;
@@ -95,6 +97,8 @@ pub(super) struct ShadowRays<'a, 's, 'v> {
     pub(super) radiance: HostWords<'v>,
     /// Where light is kept apart by light path expressions.
     pub(super) parts: Option<LightParts<'v>>,
+    /// Where it is noted how much of the light arrives.
+    pub(super) shadows: Option<ShadowSums<'v>>,
 }
 
 impl<'s, 'v> QueuedRays<'s, 'v, false> for ClosestRays<'_, 's, 'v> {
@@ -204,9 +208,14 @@ impl<'s, 'v> QueuedRays<'s, 'v, true> for ShadowRays<'_, 's, 'v> {
         BegunRay { path, is_ended }: BegunRay,
         pushes: &mut QueuePushes,
     ) {
-        let Self { shared, radiance, parts, .. } = self;
+        let Self { shared, radiance, parts, shadows, .. } = self;
         let at = path as usize * SHADOW_WORDS;
         let waits = !walk.hit && !walk.pending.items().is_empty();
+        if let Some(shadows) = shadows
+            && let Some(arrives) = self.arrives(at, walk.hit, is_ended)
+        {
+            shadows.store(path, arrives);
+        }
         shared.add_light((at, path), (walk.hit, waits || is_ended), *radiance, parts.as_ref());
         if !shared.scene.has(Features::STREAMING) {
             return;
@@ -219,6 +228,17 @@ impl<'s, 'v> QueuedRays<'s, 'v, true> for ShadowRays<'_, 's, 'v> {
         } else {
             shared.finish(path, PathProgress::SHADOW_DONE, pushes);
         }
+    }
+}
+
+impl ShadowRays<'_, '_, '_> {
+    /// What arrives of the light that the ray of `bounce` 0 at this word has asked for, if not all of it.
+    fn arrives(&self, at: usize, hit: bool, is_ended: bool) -> Option<V3> {
+        let linked = self.shared.rays.load(at + RAY_WORD_BOUNCE as usize);
+        let has_links = self.shared.scene.has(Features::LIGHT_LINKS);
+        let bounce = if has_links { unpack_shadow_bounce(linked).0 } else { linked };
+        let color = if hit { self.shared.rays.load(at + RAY_WORD_IN_SHADOW as usize) } else { 0 };
+        (bounce == 0 && (hit || is_ended)).then(|| V3(unpack_color(color)))
     }
 }
 

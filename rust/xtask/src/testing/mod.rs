@@ -33,7 +33,7 @@ const AT_A_TIME: usize = 3;
 /// A test without output for so long hangs.
 const PATIENCE: Duration = Duration::from_secs(900);
 /// Number of slowest tests that are listed.
-const LISTED: usize = 10;
+const LISTED: usize = 30;
 
 /// The tests to run, and their extent.
 #[derive(Clone, Copy, Debug)]

@@ -5,17 +5,19 @@ use super::{cryptomatte, sources};
 use crate::job::aov::AovKind;
 use crate::job::deep::DeepLimits;
 use crate::job::expression::has_paths;
-use crate::job::product::{CryptomatteKind, DeepPart, FileChannel, ProductVar, SampleFormat};
+use crate::job::product::{CryptomatteKind, DeepPart, FileChannel, MatteLayer, ProductVar, SampleFormat, setting};
+
+/// What a user should know of a var that is there.
+pub(super) fn remark_of_names(var: &ProductVar) -> Option<String> {
+    let primvar = sources::cryptomatte(var).ok().flatten()?.primvar?;
+    let is_unused = var.naming.as_ref().is_none_or(|naming| naming.texts.is_empty());
+    is_unused.then(|| format!("nothing has a text in the primvar {primvar}; names are those of its own"))
+}
 
 /// What a user should know of a channel that is there.
 pub(super) fn remark(channel: &FileChannel) -> Option<String> {
     let expression = channel.kind.expression().filter(|_| channel.component == 0)?;
     (!has_paths(expression)).then(|| format!("is black: no light path is of {}", expression.text()))
-}
-
-/// A setting of a var or a product under one of its names.
-pub(super) fn setting<'a>(settings: &'a [(String, String)], names: &[&str]) -> Option<&'a str> {
-    names.iter().find_map(|name| settings.iter().find(|(key, _)| key == name)).map(|(_, value)| value.trim())
 }
 
 /// Components of a data type, and the format of its numbers.
@@ -33,14 +35,16 @@ fn data_type(name: &str) -> (usize, SampleFormat) {
 
 /// The channels of a var in a file that has `before`; or why there are none.
 pub(super) fn of_var(var: &ProductVar, before: &[FileChannel]) -> Result<Vec<FileChannel>, String> {
-    if let Some((kind, level)) = sources::cryptomatte(var) {
-        let mut channels = of_cryptomatte(kind, layer_name(var), level);
+    if let Some(source) = sources::cryptomatte(var)? {
+        let level = source.level;
+        let naming = var.naming.clone();
+        let mut channels = of_cryptomatte(MatteLayer { kind: source.kind, name: layer_name(var), naming }, level);
         // Arnold's users list a layer of ranks beside the whole.
         channels.retain(|channel| level.is_none() || !before.contains(channel));
         return free(channels, before);
     }
     let row = sources::source(var)?;
-    let is_id = matches!(row.kind, AovKind::PrimId | AovKind::InstanceId | AovKind::ElementId);
+    let is_id = row.kind.is_id();
     let (components, format) = match (var.data_type.trim(), is_id) {
         ("", false) => (4, SampleFormat::Float),
         ("", true) => (1, SampleFormat::Uint),
@@ -85,12 +89,12 @@ pub(super) fn of_deep_var(
 ) -> Result<Vec<FileChannel>, String> {
     let channel = |name: &str, part: DeepPart, format| deep_channel(name, part, format, limits);
     let layer = layer_name(var);
-    if let Some((kind, _)) = sources::cryptomatte(var) {
-        if kind == CryptomatteKind::Material {
+    if let Some(source) = sources::cryptomatte(var)? {
+        if source.kind == CryptomatteKind::Material {
             return Err("deep samples are told apart by objects, not by materials".to_owned());
         }
         let named = FileChannel {
-            cryptomatte: Some((kind, layer.clone())),
+            cryptomatte: Some(MatteLayer { kind: source.kind, name: layer.clone(), naming: var.naming.clone() }),
             ..channel(&layer, DeepPart::Name, SampleFormat::Uint)
         };
         return free(vec![named], before);
@@ -146,17 +150,18 @@ fn layer_name(var: &ProductVar) -> String {
 
 /// The channels of a Cryptomatte layer: floats, whatever type the var has, since their bits are hashes.
 /// With a level only those of its two ranks, whose var may be called by the level.
-fn of_cryptomatte(kind: CryptomatteKind, name: String, level: Option<usize>) -> Vec<FileChannel> {
-    let of_level = level.and_then(|level| name.strip_suffix(&format!("{level:02}"))).filter(|rest| !rest.is_empty());
-    let name = of_level.map(str::to_owned).unwrap_or(name);
-    let image = match kind {
+fn of_cryptomatte(layer: MatteLayer, level: Option<usize>) -> Vec<FileChannel> {
+    let of_level = level.and_then(|level| layer.name.strip_suffix(&format!("{level:02}")));
+    let name = of_level.filter(|rest| !rest.is_empty()).unwrap_or(&layer.name).to_owned();
+    let layer = MatteLayer { name, ..layer };
+    let image = match layer.kind {
         CryptomatteKind::Object | CryptomatteKind::Asset => AovKind::CryptoObject,
         CryptomatteKind::Material => AovKind::CryptoMaterial,
     };
     let channel = |component: usize| FileChannel {
-        name: format!("{name}{:02}.{}", component / 4, ["R", "G", "B", "A"][component % 4]),
+        name: format!("{}{:02}.{}", layer.name, component / 4, ["R", "G", "B", "A"][component % 4]),
         kind: image,
-        cryptomatte: Some((kind, name.clone())),
+        cryptomatte: Some(layer.clone()),
         component,
         format: SampleFormat::Float,
     };
@@ -179,6 +184,7 @@ mod tests {
             source_name: text(source),
             source_type: text(kind),
             settings: Vec::new(),
+            naming: None,
         }
     }
 

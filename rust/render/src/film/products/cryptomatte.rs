@@ -2,7 +2,7 @@
 //! Cryptomatte (Friedman and Jones 2015, specification 1.2.0): the objects, materials or assets in each pixel by the
 //! hashes of their names, with their shares, and the names of those hashes. Pure.
 
-use crate::job::product::CryptomatteKind;
+use crate::job::product::{CryptomatteKind, MatteLayer};
 use oocpt_abi::{ID_RANKS, IdSlot};
 use oocpt_core::scene::PrimNames;
 use rayon::prelude::*;
@@ -12,6 +12,8 @@ use rustc_hash::{FxHashMap, FxHashSet};
 pub(super) const CHANNELS: usize = 2 * ID_RANKS as usize;
 /// Most names of a manifest: readers load it with the header.
 const MAX_NAMES: usize = 1 << 16;
+/// Most characters of a name that a primvar gives.
+const MAX_TEXT: usize = 1024;
 
 /// The channels of a Cryptomatte layer, and what its header says.
 #[derive(Debug)]
@@ -51,10 +53,14 @@ fn id_of(name: &str) -> u32 {
 }
 
 /// The name of what a slot is of.
-fn name_of(kind: CryptomatteKind, names: &PrimNames, slot: &IdSlot) -> Option<String> {
+fn name_of(layer: &MatteLayer, names: &PrimNames, slot: &IdSlot) -> Option<String> {
     let number = slot.id.checked_sub(1)?;
     let prim = || i32::try_from(number).ok();
-    match kind {
+    let text = layer.naming.as_ref().and_then(|naming| names.text(prim()?, slot.instance, naming));
+    if let Some(text) = text {
+        return Some(text.chars().take(MAX_TEXT).collect());
+    }
+    match layer.kind {
         CryptomatteKind::Object => names.object(prim()?, slot.instance),
         CryptomatteKind::Asset => names.asset(prim()?, slot.instance),
         CryptomatteKind::Material => names.material(number).map(str::to_owned),
@@ -72,16 +78,12 @@ pub(super) struct NamedThings {
     pub(super) unnamed: usize,
 }
 
-/// The names of what the layer called `name` shows, of which some ids may be 0, nothing.
-pub(super) fn named(
-    (kind, name): (CryptomatteKind, &str),
-    names: &PrimNames,
-    seen: FxHashSet<(u32, u32)>,
-) -> NamedThings {
+/// The names of what a layer shows, of which some ids may be 0, nothing.
+pub(super) fn named(layer: &MatteLayer, names: &PrimNames, seen: FxHashSet<(u32, u32)>) -> NamedThings {
     let mut seen: Vec<(u32, u32)> = seen.into_iter().collect();
     seen.sort_unstable();
     let named = seen.par_iter().filter_map(|&(id, instance)| {
-        let name = name_of(kind, names, &IdSlot { id, instance, weight: 0.0 })?;
+        let name = name_of(layer, names, &IdSlot { id, instance, weight: 0.0 })?;
         Some(((id, instance), id_of(&name), name))
     });
     let named: Vec<_> = named.collect();
@@ -91,13 +93,13 @@ pub(super) fn named(
     manifest.dedup();
     let unnamed = manifest.len().saturating_sub(MAX_NAMES);
     manifest.truncate(MAX_NAMES);
-    NamedThings { ids, attributes: attributes(name, &manifest), unnamed }
+    NamedThings { ids, attributes: attributes(&layer.name, &manifest), unnamed }
 }
 
-/// The layer called `name` of the slots of an image, [`ID_RANKS`] a pixel.
-pub(super) fn layer(kind: CryptomatteKind, name: &str, names: &PrimNames, slots: &[IdSlot]) -> CryptomatteLayer {
+/// The layer of the slots of an image, [`ID_RANKS`] a pixel.
+pub(super) fn layer(layer: &MatteLayer, names: &PrimNames, slots: &[IdSlot]) -> CryptomatteLayer {
     let seen = slots.iter().filter(|slot| slot.id != 0).map(|slot| (slot.id, slot.instance)).collect();
-    let NamedThings { ids, attributes, unnamed } = named((kind, name), names, seen);
+    let NamedThings { ids, attributes, unnamed } = named(layer, names, seen);
     let mut pixels = vec![0.0; slots.len() / ID_RANKS as usize * CHANNELS];
     let by_pixel = pixels.par_chunks_exact_mut(CHANNELS).zip(slots.par_chunks_exact(ID_RANKS as usize));
     by_pixel.for_each(|(out, slots)| rank(out, slots, &ids));

@@ -7,16 +7,18 @@
 
 use super::cryptomatte::{self, NamedThings};
 use super::deep_lines::{self, DeepLine};
+use crate::film::picture::exr_text;
 use crate::job::deep::DeepLimits;
 use crate::job::product::{DeepPart, FileChannel, ProductFile, SampleFormat};
 use bytemuck::pod_collect_to_vec;
 use exr::compression::Compression;
-use exr::meta::attribute::{ChannelDescription, ChannelList, LineOrder, SampleType, Text};
+use exr::meta::attribute::{ChannelDescription, ChannelList, LineOrder, SampleType};
 use exr::meta::{BlockDescription, header::Header};
 use exr::prelude::{ImageAttributes, LayerAttributes, Vec2, f16};
 use oocpt_abi::DeepSlot;
 use oocpt_core::scene::PrimNames;
 use rustc_hash::FxHashSet;
+use std::collections::BTreeMap;
 use std::fs::File;
 
 /// What is left of a pixel behind layers that hide all but this is nothing: rounding of their shares. The share of a
@@ -34,7 +36,8 @@ pub(super) struct DeepImage<'a> {
     limits: [DeepLimits; 2],
     /// Top row first.
     rows: Vec<&'a [u8]>,
-    pub(super) named: NamedThings,
+    /// Names by layer.
+    named: BTreeMap<&'a str, NamedThings>,
 }
 
 impl<'a> DeepImage<'a> {
@@ -48,20 +51,25 @@ impl<'a> DeepImage<'a> {
     ) -> Option<Self> {
         let mut channels: Vec<&FileChannel> = file.channels.iter().collect();
         channels.sort_by(|a, b| a.name.cmp(&b.name));
-        let mut named = NamedThings::default();
-        if let Some((kind, layer)) = channels.iter().find_map(|channel| channel.cryptomatte.as_ref()) {
+        let mut named = BTreeMap::new();
+        for layer in channels.iter().filter_map(|channel| channel.cryptomatte.as_ref()) {
             let slots = rows.iter().flat_map(|row| row.chunks_exact(size_of::<DeepSlot>()));
             let slots = slots.map(bytemuck::pod_read_unaligned::<DeepSlot>);
             let seen: FxHashSet<_> = slots.filter(|slot| slot.id != 0).map(|slot| (slot.id, slot.instance)).collect();
-            named = cryptomatte::named((*kind, layer), names?, seen);
+            named.insert(&*layer.name, cryptomatte::named(layer, names?, seen));
         }
         Some(Self { file, compression, channels, limits: [file.deep.unwrap_or(limits), limits], rows, named })
     }
 
     /// What a user should know of the file.
     pub(super) fn warning(&self) -> Option<String> {
-        let unnamed = self.named.unnamed;
+        let unnamed: usize = self.named.values().map(|named| named.unnamed).sum();
         (unnamed > 0).then(|| format!("{unnamed} names are not in the manifest"))
+    }
+
+    /// Names and values of attributes of its layers of names.
+    pub(super) fn manifests(&self) -> Vec<(String, String)> {
+        self.named.values().flat_map(|named| named.attributes.iter().cloned()).collect()
     }
 
     /// Writes the file.
@@ -69,7 +77,7 @@ impl<'a> DeepImage<'a> {
         let pixel_bytes = usize::from(self.limits[1].samples()) * size_of::<DeepSlot>();
         let width = self.rows.first().map_or(0, |row| row.len() / pixel_bytes);
         let channels = self.channels.iter().map(|channel| ChannelDescription {
-            name: Text::from(channel.name.as_str()),
+            name: exr_text(channel.name.as_str()),
             sample_type: match channel.format {
                 SampleFormat::Half => SampleType::F16,
                 SampleFormat::Float => SampleType::F32,
@@ -123,8 +131,9 @@ impl<'a> DeepImage<'a> {
                 return data.extend(instance.to_le_bytes());
             }
             DeepPart::Name => {
-                let hash = self.named.ids.get(&(slot.id, slot.instance)).copied();
-                return data.extend(hash.unwrap_or(0).to_le_bytes());
+                let named = channel.cryptomatte.as_ref().and_then(|layer| self.named.get(&*layer.name));
+                let hash = named.and_then(|named| named.ids.get(&(slot.id, slot.instance)));
+                return data.extend(hash.copied().unwrap_or(0).to_le_bytes());
             }
             DeepPart::Red => self.color(slot, 0),
             DeepPart::Green => self.color(slot, 1),

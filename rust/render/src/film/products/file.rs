@@ -4,14 +4,15 @@
 use super::cryptomatte::{self, CryptomatteLayer};
 use super::deep::DeepImage;
 use super::plan::is_input;
-use crate::film::picture::{PictureAttribute, PictureAttributes, layer_attributes};
+use super::times;
+use crate::film::picture::{PictureAttribute, PictureAttributes, exr_text, layer_attributes};
 use crate::job::aov::AovKind;
 use crate::job::product::{FileChannel, FileCompression, HeaderValue, ProductFile, SampleFormat};
 use crate::job::publish::PublishedImages;
 use crate::job::request::RenderRequest;
 use exr::compression::Compression;
 use exr::image::{Blocks, Layers};
-use exr::meta::attribute::{AttributeValue, Chromaticities, IntegerBounds, LineOrder, Text};
+use exr::meta::attribute::{AttributeValue, Chromaticities, IntegerBounds, LineOrder};
 use exr::prelude::{
     AnyChannel, AnyChannels, Encoding, FlatSamples, Image, ImageAttributes, Layer, LayerAttributes, Vec2,
     WritableImage as _, f16,
@@ -72,7 +73,7 @@ pub(crate) fn write(
         let rows = rows(request, images, AovKind::Deep(limits)).ok_or_else(missing)?;
         let compression = compression(file.compression);
         let image = DeepImage::new((file, compression), limits, rows, names).ok_or_else(missing)?;
-        let (layer, shared) = header_of(file, request, (attributes, &image.named.attributes));
+        let (layer, shared) = header_of(file, request, (attributes, &image.manifests()));
         oocpt_files::replace_by(&file.path, |out| image.write(out, layer, shared)).map_err(file_error)?;
         return Ok(image.warning().into_iter().collect());
     }
@@ -95,7 +96,7 @@ fn header_of(
 ) -> (LayerAttributes, ImageAttributes) {
     let mut layer = layer_attributes(attributes);
     for (name, value) in manifests {
-        layer.other.insert(Text::from(name.as_str()), AttributeValue::Text(Text::from(value.as_str())));
+        layer.other.insert(exr_text(name.as_str()), AttributeValue::Text(exr_text(value.as_str())));
     }
     if let Some(space) = file.space {
         let named = ("renderingColorSpace".to_owned(), PictureAttribute::Text(space.name().to_owned()));
@@ -103,11 +104,11 @@ fn header_of(
     }
     for (name, value) in &file.header {
         let value = match value {
-            HeaderValue::Text(text) => AttributeValue::Text(Text::from(text.as_str())),
+            HeaderValue::Text(text) => AttributeValue::Text(exr_text(text.as_str())),
             HeaderValue::Whole(number) => AttributeValue::I32(*number),
             HeaderValue::Real(number) => AttributeValue::F64(*number),
         };
-        layer.other.insert(Text::from(name.as_str()), value);
+        layer.other.insert(exr_text(name.as_str()), value);
     }
     let [world_to_camera, world_to_ndc] = matrices(&request.camera, file);
     (layer.world_to_camera, layer.world_to_normalized_device) = (Some(world_to_camera), Some(world_to_ndc));
@@ -116,6 +117,8 @@ fn header_of(
     let mut shared = ImageAttributes::new(IntegerBounds::new(Vec2(0, 0), Vec2(columns, rows)));
     shared.pixel_aspect = file.pixel_aspect;
     shared.chromaticities = file.space.map(chromaticities);
+    layer.software_name = Some(exr_text(concat!("OocPT ", env!("CARGO_PKG_VERSION"))));
+    times::add(file, &mut layer, &mut shared);
     (layer, shared)
 }
 
@@ -140,11 +143,11 @@ fn image(
     let size = Vec2(request.part().width as usize, request.part().height as usize);
     let mut shared = ImageAttributes::new(IntegerBounds::zero());
     let layers = parts.into_iter().map(|(name, channels)| {
-        let is_here = |matte: &str| channels.iter().any(|c| c.cryptomatte.as_ref().is_some_and(|(_, l)| l == matte));
+        let is_here = |matte: &str| channels.iter().any(|c| c.cryptomatte.as_ref().is_some_and(|l| l.name == matte));
         let manifests = mattes.iter().filter(|(matte, _)| is_here(matte)).flat_map(|(_, matte)| &matte.attributes);
         let (mut layer, of_image) = header_of(file, request, (attributes, &manifests.cloned().collect::<Vec<_>>()));
         shared = of_image;
-        layer.layer_name = (!name.is_empty()).then(|| Text::from(name));
+        layer.layer_name = (!name.is_empty()).then(|| exr_text(name));
         let channels = channels.into_iter().map(|channel| written_channel(file, channel, request, images, mattes));
         let channels = AnyChannels::sort(channels.collect::<Result<_, ProductError>>()?);
         Ok(Layer::new(size, layer, encoding, channels))
@@ -161,16 +164,16 @@ fn written_channel(
     images: &PublishedImages,
     mattes: &BTreeMap<String, CryptomatteLayer>,
 ) -> Result<AnyChannel<FlatSamples>, ProductError> {
-    if let Some(matte) = channel.cryptomatte.as_ref().and_then(|(_, layer)| mattes.get(layer)) {
+    if let Some(matte) = channel.cryptomatte.as_ref().and_then(|layer| mattes.get(&layer.name)) {
         let component = matte.pixels.iter().skip(channel.component).step_by(cryptomatte::CHANNELS);
         let samples = FlatSamples::F32(component.copied().collect());
-        return Ok(AnyChannel::new(Text::from(channel.name.as_str()), samples));
+        return Ok(AnyChannel::new(exr_text(channel.name.as_str()), samples));
     }
     let rows = rows(request, images, channel.kind).ok_or(ProductError::Image(channel.kind))?;
     let is_color = matches!(channel.kind, AovKind::Color | AovKind::Denoised | AovKind::Albedo | AovKind::Light(_));
     let space = file.space.filter(|_| is_color);
     let row = space.and_then(|space| space.from_rec709().get(channel.component).copied());
-    Ok(AnyChannel::new(Text::from(channel.name.as_str()), samples(&rows, channel, row)))
+    Ok(AnyChannel::new(exr_text(channel.name.as_str()), samples(&rows, channel, row)))
 }
 
 /// The attributes `worldToCamera` and `worldToNDC` as `OpenEXR` defines them, for points as row vectors: view space
@@ -200,14 +203,13 @@ fn mattes(
 ) -> Result<BTreeMap<String, CryptomatteLayer>, ProductError> {
     let mut mattes = BTreeMap::new();
     for channel in &file.channels {
-        let Some((kind, layer)) = channel.cryptomatte.as_ref().filter(|(_, layer)| !mattes.contains_key(layer)) else {
-            continue;
-        };
+        let new = channel.cryptomatte.as_ref().filter(|layer| !mattes.contains_key(&layer.name));
+        let Some(layer) = new else { continue };
         let (Some(names), Some(rows)) = (names, rows(request, images, channel.kind)) else {
             return Err(ProductError::Image(channel.kind));
         };
         let slots: Vec<IdSlot> = rows.iter().flat_map(|row| bytemuck::pod_collect_to_vec::<u8, IdSlot>(row)).collect();
-        mattes.insert(layer.clone(), cryptomatte::layer(*kind, layer, names, &slots));
+        mattes.insert(layer.name.clone(), cryptomatte::layer(layer, names, &slots));
     }
     Ok(mattes)
 }
@@ -243,7 +245,7 @@ fn chromaticities(space: &FileSpace) -> Chromaticities {
 /// a pixel by these weights.
 fn samples(rows: &[&[u8]], channel: &FileChannel, of_color: Option<[f64; 3]>) -> FlatSamples {
     let (bytes, offset) = (channel.kind.pixel_bytes(), 4 * channel.component);
-    let is_id = matches!(channel.kind, AovKind::PrimId | AovKind::InstanceId | AovKind::ElementId);
+    let is_id = channel.kind.is_id();
     let word = move |pixel: &[u8]| -> [u8; 4] {
         pixel.get(offset..offset + 4).and_then(|word| word.try_into().ok()).unwrap_or_default()
     };

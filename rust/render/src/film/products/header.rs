@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! What the settings of a product say of its file: tiles, parts, and attributes of the scene's for the header. Pure.
 
-use super::channels::setting;
-use crate::job::product::{FileStorage, HeaderValue, RenderProduct};
+use crate::job::product::{FileStorage, HeaderValue, RenderProduct, setting};
 
 /// Most attributes of a scene's in a header.
 const MAX_ATTRIBUTES: usize = 64;
@@ -30,7 +29,7 @@ const ATTRIBUTES: [&str; 3] =
 const OPTIONS: [&str; 8] =
     ["tiled", "storage", "tilesize", "multipart", "compression", "dwa_compression", "asrgba", "autocrop"];
 /// Attributes that `OpenEXR` defines, of other types than text, or that a product has of itself.
-const RESERVED: [&str; 46] = [
+const RESERVED: [&str; 48] = [
     "adoptedNeutral",
     "altitude",
     "aperture",
@@ -45,6 +44,7 @@ const RESERVED: [&str; 46] = [
     "envmap",
     "expTime",
     "focus",
+    "frame",
     "framesPerSecond",
     "idManifest",
     "imageCounter",
@@ -66,6 +66,7 @@ const RESERVED: [&str; 46] = [
     "renderingTransform",
     "screenWindowCenter",
     "screenWindowWidth",
+    "software",
     "tiles",
     "timeCode",
     "type",

@@ -13,7 +13,9 @@ mod frame_name;
 mod header;
 mod plan;
 mod sources;
+mod times;
 
 pub(crate) use file::write;
 pub(crate) use plan::{ProductPlan, add_kinds, plan};
-pub use sources::unknown_aov;
+pub use sources::{naming_primvar, unknown_aov};
+pub(crate) use times::times;

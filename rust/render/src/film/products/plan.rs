@@ -5,7 +5,9 @@ use super::{channels, frame_name, header};
 use crate::job::aov::{AovKind, AovRequest};
 use crate::job::deep::DeepLimits;
 use crate::job::expression::{ExpressionId, fit_together};
-use crate::job::product::{FileChannel, FileCompression, ProductFile, ProductPicture, ProductVar, RenderProduct};
+use crate::job::product::{
+    FileChannel, FileCompression, FileTimes, ProductFile, ProductPicture, ProductVar, RenderProduct, setting,
+};
 use crate::job::request::RenderRequest;
 use oocpt_abi::MAX_SHOWN_PRIMVARS;
 use oocpt_core::file_space::FileSpace;
@@ -17,6 +19,10 @@ const MAX_PRODUCTS: usize = 256;
 const MAX_CHANNELS: usize = 1024;
 /// Most bytes of a file's name.
 const MAX_NAME_BYTES: usize = 4096;
+/// Ratios that readers of `OpenEXR` take.
+const PIXEL_ASPECTS: std::ops::RangeInclusive<f32> = 1e-6..=1e6;
+/// Most characters of a warning, which may quote what a scene says.
+const MAX_WARNING: usize = 400;
 
 /// The files of a render.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -45,7 +51,16 @@ pub(crate) fn plan(products: &[RenderProduct]) -> ProductPlan {
     if let Some(first) = products.get(MAX_PRODUCTS) {
         plan.warnings.push(format!("{}: only {MAX_PRODUCTS} products are written", first.prim));
     }
+    plan.warnings.iter_mut().for_each(shorten);
     plan
+}
+
+/// Leaves the beginning of a long warning.
+fn shorten(warning: &mut String) {
+    if let Some((end, _)) = warning.char_indices().nth(MAX_WARNING) {
+        warning.truncate(end);
+        warning.push_str(" ...");
+    }
 }
 
 impl ProductPlan {
@@ -83,7 +98,7 @@ fn file_of(
     (taken, parts): (&[PathBuf], &mut PlannedParts),
     warnings: &mut Vec<String>,
 ) -> Result<ProductFile, String> {
-    let has_deep_driver = channels::setting(&product.settings, &["arnold:driver"]) == Some("driver_deepexr");
+    let has_deep_driver = setting(&product.settings, &["arnold:driver"]) == Some("driver_deepexr");
     let deep = match &*product.kind {
         // Arnold's users also write the name of the renderer.
         "" | "raster" | "arnold" if !has_deep_driver => None,
@@ -91,6 +106,9 @@ fn file_of(
         "deepRaster" | "deep" => Some(deep_limits(product, warnings)),
         kind => return Err(format!("its productType {kind} is not supported")),
     };
+    if !product.missing.is_empty() {
+        return Err(product.missing.clone());
+    }
     let path = path_of(product)?;
     if taken.contains(&path) {
         return Err(format!("another product is {}", path.display()));
@@ -98,8 +116,8 @@ fn file_of(
     if let Some(picture) = &product.picture {
         picture.validate().map_err(|error| error.to_string())?;
     }
-    if !(product.pixel_aspect.is_finite() && product.pixel_aspect > 0.0) {
-        return Err("its pixelAspectRatio is not a positive number".to_owned());
+    if !PIXEL_ASPECTS.contains(&product.pixel_aspect) {
+        return Err("its pixelAspectRatio is not from 1e-6 to 1e6".to_owned());
     }
     let mut channels = channels_of(product, (deep, parts), warnings)?;
     if let Some(limits) = deep {
@@ -108,7 +126,7 @@ fn file_of(
     let mut compression = compression_of(product, warnings);
     if deep.is_some() && !compression.is_of_deep_images() {
         // Without a word where nobody asked: zip is what is used where nothing is said.
-        if channels::setting(&product.settings, &COMPRESSION).is_some() {
+        if setting(&product.settings, &COMPRESSION).is_some() {
             warnings.push(format!("{}: deep images are compressed by none or zips; zips is used", product.prim));
         }
         compression = FileCompression::Zips;
@@ -129,8 +147,8 @@ fn file_of(
         pixel_aspect: product.pixel_aspect,
         display_size: product.display_size,
         data_corner: product.data_corner,
-        frame: product.frame,
-        is_temporary: channels::setting(&product.settings, &["oocpt:temporary"]) == Some("true"),
+        times: FileTimes { frame: product.frame, rate: product.rate, shutter: product.shutter },
+        is_temporary: setting(&product.settings, &["oocpt:temporary"]) == Some("true"),
     })
 }
 
@@ -193,7 +211,7 @@ fn channels_of(
         };
         match channels {
             Ok(channels) if all.len() + channels.len() <= MAX_CHANNELS => {
-                let remarks = channels.iter().filter_map(channels::remark);
+                let remarks = channels.iter().filter_map(channels::remark).chain(channels::remark_of_names(var));
                 warnings.extend(remarks.map(|text| format!("{}: {text}", var.prim)));
                 all.extend(channels);
             }
@@ -208,7 +226,7 @@ fn channels_of(
 fn deep_limits(product: &RenderProduct, warnings: &mut Vec<String>) -> DeepLimits {
     let mut limits = DeepLimits::default();
     let mut take = |name: &str, of: &dyn Fn(DeepLimits, f32) -> Option<DeepLimits>| {
-        let Some(text) = channels::setting(&product.settings, &[name]) else { return };
+        let Some(text) = setting(&product.settings, &[name]) else { return };
         match text.parse().ok().and_then(|number| of(limits, number)) {
             Some(changed) => limits = changed,
             None => warnings.push(format!("{}: {name} cannot be {text}; it is left out", product.prim)),
@@ -239,7 +257,7 @@ const COMPRESSION: [&str; 4] = [
 ];
 
 fn compression_of(product: &RenderProduct, warnings: &mut Vec<String>) -> FileCompression {
-    let Some(name) = channels::setting(&product.settings, &COMPRESSION) else { return FileCompression::Zip };
+    let Some(name) = setting(&product.settings, &COMPRESSION) else { return FileCompression::Zip };
     // OpenImageIO's names may have a level behind a colon.
     match name.split(':').next().unwrap_or(name).to_lowercase().as_str() {
         "none" | "" => FileCompression::None,
@@ -447,6 +465,7 @@ mod tests {
             source_name: text(),
             source_type: text(),
             settings: vec![("driver:parameters:aov:name".into(), text())],
+            naming: None,
         });
         let mut settings = vec![(COMPRESSION[0].into(), text())];
         for key in ["oocpt:tiled", "oocpt:tileSize", "oocpt:multipart", "driver:parameters:OpenEXR:storage"] {
@@ -464,10 +483,13 @@ mod tests {
             settings,
             numbers,
             color_space,
-            pixel_aspect: [1.0, 2.5, -1.0, f32::NAN, 1e-3][next(random, 5)],
+            pixel_aspect: [1.0, 2.5, -1.0, f32::NAN, 1e30][next(random, 5)],
             display_size: [sides[next(random, 5)], sides[next(random, 5)]],
             data_corner: [i32::MIN, i32::MAX],
             frame: [None, Some(f64::MAX), Some(-3.0)][next(random, 3)],
+            rate: [None, Some(24.0), Some(1e-30)][next(random, 3)],
+            shutter: [0.0, 0.5],
+            missing: String::new(),
             picture: (next(random, 2) == 0).then(|| picture(sides[next(random, 5)])),
         }
     }
@@ -482,6 +504,7 @@ mod tests {
             let files: Vec<&ProductFile> =
                 plan.of_host.iter().chain(plan.before.iter().flat_map(|p| &p.files)).collect();
             assert!(files.len() + plan.warnings.len() > 0, "{product:?}");
+            assert!(plan.warnings.iter().all(|text| text.chars().count() < MAX_WARNING + 5), "{product:?}");
             for file in files {
                 written += 1;
                 let extension = file.path.extension().expect("one");

@@ -4,7 +4,7 @@
 use crate::job::aov::AovKind;
 use crate::job::expression::ExpressionId;
 use crate::job::primvar::PrimvarImage;
-use crate::job::product::{CryptomatteKind, ProductVar};
+use crate::job::product::{CryptomatteKind, ProductVar, setting};
 
 /// A source and the names that it goes by.
 #[derive(Clone, Copy)]
@@ -22,7 +22,7 @@ const fn row(kind: AovKind, parts: &'static str, first: usize, names: &'static [
 }
 
 /// Names of raw and intrinsic sources; compared without regard to case where none is alike in its case.
-const ROWS: [SourceRow; 21] = [
+const ROWS: [SourceRow; 24] = [
     row(AovKind::Color, "RGBA", 0, &["color", "Ci", "C", "rgba", "rgb", "beauty", "combined"]),
     row(AovKind::Color, "A", 3, &["a", "alpha", "opacity"]),
     row(AovKind::CameraDepth, "Z", 0, &["z", "cameraDepth", "linearDepth", "hitPz", "ray:hitPz"]),
@@ -37,6 +37,9 @@ const ROWS: [SourceRow; 21] = [
     row(AovKind::PrimId, "I", 0, &["primId", "id"]),
     row(AovKind::InstanceId, "I", 0, &["instanceId"]),
     row(AovKind::ElementId, "I", 0, &["elementId"]),
+    row(AovKind::MaterialId, "I", 0, &["materialId"]),
+    row(AovKind::Shadow, "RGB", 0, &["shadow", "shadows", "occluded", "shadow_matte"]),
+    row(AovKind::ShadowCatcher, "A", 0, &["shadowCatcher", "shadow_catcher"]),
     row(AovKind::SampleCount, "N", 0, &["sampleCount"]),
     row(AovKind::Position, "XYZ", 0, &["position", "P", "Pworld", "__Pworld", "worldPosition", "hitP", "ray:hitP"]),
     row(AovKind::Peye, "XYZ", 0, &["Peye"]),
@@ -84,6 +87,12 @@ fn named_part(name: &str) -> Option<String> {
     })
 }
 
+/// The share of the luminance where one number of a shadow is asked for.
+fn of_type(found: SourceRow, data_type: &str) -> SourceRow {
+    let is_one = matches!(data_type.trim(), "float" | "half" | "double");
+    if found.kind == AovKind::Shadow && is_one { row(found.kind, "Y", 3, &[]) } else { found }
+}
+
 fn of_expression(path: &str) -> Result<SourceRow, String> {
     let expression = ExpressionId::of(path)?;
     let part = row(AovKind::Light(expression), "RGB", 0, &[]);
@@ -126,6 +135,7 @@ pub(super) fn source(var: &ProductVar) -> Result<SourceRow, String> {
         ("" | "raw" | "intrinsic", name) => {
             let alike = |same: fn(&str, &str) -> bool| ROWS.iter().find(|row| row.names.iter().any(|n| same(n, name)));
             let found = alike(|a, b| a == b).or_else(|| alike(str::eq_ignore_ascii_case)).copied().map(Ok);
+            let found = found.map(|row| row.map(|row| of_type(row, &var.data_type)));
             let found = found.or_else(|| named_part(name).map(|path| of_expression(&path)));
             let found = found.or_else(|| primvar_name(name).map(|name| of_primvar(name, &var.data_type)));
             found.unwrap_or_else(|| Err(format!("there is no source {name}; did you mean {}?", nearest(name))))
@@ -146,7 +156,11 @@ fn nearest(name: &str) -> &'static str {
 /// What is wrong with the name of an AOV: says the nearest one.
 pub fn unknown_aov(name: &str) -> Option<String> {
     let var = ProductVar { source_name: name.to_owned(), ..ProductVar::default() };
-    if cryptomatte(&var).is_some() { None } else { source(&var).err() }
+    match cryptomatte(&var) {
+        Ok(Some(_)) => None,
+        Ok(None) => source(&var).err(),
+        Err(text) => Some(text),
+    }
 }
 
 /// Names of Cryptomatte sources; case does not matter.
@@ -159,18 +173,75 @@ const CRYPTOMATTE: [(&str, CryptomatteKind); 6] = [
     ("CryptoAsset", CryptomatteKind::Asset),
 ];
 
-/// What a var of Cryptomatte tells apart, and the layer of ranks that it is alone, as Arnold's users list them.
-pub(super) fn cryptomatte(var: &ProductVar) -> Option<(CryptomatteKind, Option<usize>)> {
-    if !matches!(&*var.source_type, "" | "raw" | "intrinsic") {
-        return None;
-    }
+/// What a var of Cryptomatte asks for.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct MatteSource {
+    pub(super) kind: CryptomatteKind,
+    /// The layer of ranks that it is alone, as Arnold's users list them.
+    pub(super) level: Option<usize>,
+    /// The primvar of text that is to name things.
+    pub(super) primvar: Option<String>,
+}
+
+/// The setting of a var that names the primvar.
+const NAMING: [&str; 1] = ["oocpt:cryptomattePrimvar"];
+/// Most bytes of the name of a primvar.
+const MAX_PRIMVAR: usize = 256;
+
+/// Whether a var of the type `primvar` is a Cryptomatte: of a primvar of text, or with Karma's switch.
+fn is_matte_of_primvar(var: &ProductVar) -> bool {
+    let is_switch = |key: &str| key.starts_with("driver:parameters:aov:") && key.ends_with("cryptomatte");
+    let is_on = |(key, value): &(String, String)| is_switch(key) && matches!(value.trim(), "true" | "1");
+    let is_text = matches!(var.data_type.trim().trim_end_matches("[]"), "string" | "token");
+    var.source_type == "primvar" && (is_text || var.settings.iter().any(is_on))
+}
+
+/// What a var of Cryptomatte asks for; `None` if it is none.
+///
+/// # Errors
+/// What cannot be named by the primvar that it names.
+pub(super) fn cryptomatte(var: &ProductVar) -> Result<Option<MatteSource>, String> {
     let name = var.source_name.trim();
+    if is_matte_of_primvar(var) {
+        let primvar = Some(checked(name)?);
+        return Ok(Some(MatteSource { kind: CryptomatteKind::Object, level: None, primvar }));
+    }
+    if !matches!(&*var.source_type, "" | "raw" | "intrinsic") {
+        return Ok(None);
+    }
+    // `CryptoObject:NAME`, where there are no settings.
+    let (name, primvar) = name.split_once(':').map_or((name, None), |(name, primvar)| (name, Some(primvar)));
     let kind = |name: &str| CRYPTOMATTE.iter().find(|(known, _)| known.eq_ignore_ascii_case(name)).map(|row| row.1);
     let ranks = || {
         let level = ["00", "01", "02"].iter().position(|level| name.ends_with(level))?;
         Some((kind(&name[..name.len() - 2])?, Some(level)))
     };
-    kind(name).map(|kind| (kind, None)).or_else(ranks)
+    let Some((kind, level)) = kind(name).map(|kind| (kind, None)).or_else(ranks) else { return Ok(None) };
+    let primvar = primvar.or_else(|| setting(&var.settings, &NAMING).filter(|name| !name.is_empty()));
+    let primvar = primvar.map(checked).transpose()?;
+    if kind == CryptomatteKind::Material && primvar.is_some() {
+        return Err("a primvar names objects and assets, not materials".to_owned());
+    }
+    Ok(Some(MatteSource { kind, level, primvar }))
+}
+
+/// The name of a primvar, without `primvars:`.
+fn checked(name: &str) -> Result<String, String> {
+    let name = name.strip_prefix("primvars:").unwrap_or(name);
+    let is_name = !name.is_empty() && name.len() <= MAX_PRIMVAR && !name.chars().any(char::is_control);
+    is_name.then(|| name.to_owned()).ok_or_else(|| "the primvar that is to name things has no name".to_owned())
+}
+
+/// The primvar, without `primvars:`, whose texts name what a var shows: that which it names, else the one in which
+/// Arnold's users override the names of its kind; `None` if it shows no names of prims.
+pub fn naming_primvar(var: &ProductVar) -> Option<String> {
+    let source = cryptomatte(var).ok().flatten()?;
+    let usual = match source.kind {
+        CryptomatteKind::Object => Some("crypto_object"),
+        CryptomatteKind::Asset => Some("crypto_asset"),
+        CryptomatteKind::Material => None,
+    };
+    source.primvar.or_else(|| usual.map(str::to_owned))
 }
 
 #[cfg(test)]
@@ -199,6 +270,12 @@ mod tests {
         assert_eq!(kind("ray:hitNg", "intrinsic"), Ok(AovKind::GeometricNormal));
         assert_eq!(kind("Peye", "raw"), Ok(AovKind::Peye));
         assert_eq!([kind("variance", "raw"), kind("error", "")], [Ok(AovKind::Variance), Ok(AovKind::Error)]);
+        assert_eq!([kind("occluded", "raw"), kind("materialId", "")], [Ok(AovKind::Shadow), Ok(AovKind::MaterialId)]);
+        let shadow = |data_type: &str| {
+            let var = ProductVar { data_type: data_type.into(), ..var("shadow", "raw") };
+            source(&var).map(|row| (row.parts, row.first))
+        };
+        assert_eq!([shadow("color3f"), shadow("float")], [Ok(("RGB", 0)), Ok(("Y", 3))], "channels, or the luminance");
         assert_eq!(kind("PRIMID", "intrinsic"), Ok(AovKind::PrimId), "whatever its case");
         assert!(kind("albdo", "raw").is_err_and(|text| text.contains("albedo")), "the nearest");
         let part = AovKind::from_token("lpe:C<RD>L").expect("an expression");
@@ -251,15 +328,45 @@ mod tests {
         }
         assert_eq!(of("UV", "raw", "float2"), Ok(("primvars:st".into(), "XY", true)));
         assert_eq!(of("primvars:dust", "raw", "int"), Ok(("primvars:dust".into(), "X", false)));
-        assert!(of("name", "primvar", "string").is_err() && of("", "primvar", "float").is_err());
+        assert!(of("name", "primvar", "asset").is_err() && of("", "primvar", "float").is_err());
     }
 
     #[test]
     fn layers_of_ranks_are_parts_of_a_cryptomatte() {
-        let of = |name: &str, kind: &str| cryptomatte(&var(name, kind));
+        let of = |name: &str, kind: &str| {
+            cryptomatte(&var(name, kind)).expect("no error").map(|source| (source.kind, source.level))
+        };
         assert_eq!(of("crypto_asset", "raw"), Some((CryptomatteKind::Asset, None)));
         assert_eq!(of("crypto_object01", ""), Some((CryptomatteKind::Object, Some(1))));
         assert_eq!(of("CRYPTOMATERIAL02", ""), Some((CryptomatteKind::Material, Some(2))));
         assert_eq!([of("crypto_asset03", ""), of("crypto_asset", "lpe"), of("crypto", "")], [None; 3]);
+    }
+
+    #[test]
+    fn a_cryptomatte_may_be_named_by_a_primvar() {
+        let of = |name: &str, kind: &str, data_type: &str, settings: &[(&str, &str)]| {
+            let settings = settings.iter().map(|(key, value)| ((*key).to_owned(), (*value).to_owned())).collect();
+            naming_primvar(&ProductVar { data_type: data_type.into(), settings, ..var(name, kind) })
+        };
+        let named = |name: &str| Some(name.to_owned());
+        assert_eq!(of("CryptoObject", "raw", "", &[]), named("crypto_object"), "Arnold's, if nothing is named");
+        assert_eq!(of("crypto_asset01", "", "", &[]), named("crypto_asset"));
+        assert_eq!(of("crypto_object", "raw", "", &[(NAMING[0], " primvars:dept ")]), named("dept"));
+        assert_eq!(of("CryptoAsset:user:dept", "", "", &[]), named("user:dept"));
+        assert_eq!(of("dept", "primvar", "string", &[]), named("dept"), "text is shown by names");
+        let karma = "driver:parameters:aov:cryptomatte";
+        assert_eq!(of("primvars:dept", "primvar", "color3f", &[(karma, "1")]), named("dept"));
+        for (name, kind, data_type, settings) in [
+            ("dept", "primvar", "color3f", &[(karma, "false")][..]),
+            ("CryptoMaterial", "raw", "", &[]),
+            ("CryptoMaterial:dept", "raw", "", &[]),
+            ("CryptoObject:", "raw", "", &[]),
+            ("CryptoObject:a\nb", "raw", "", &[]),
+            ("albedo:dept", "raw", "", &[]),
+        ] {
+            assert_eq!(of(name, kind, data_type, settings), None, "{name}");
+        }
+        assert!(unknown_aov("CryptoMaterial:dept").is_some_and(|text| text.contains("not materials")));
+        assert_eq!(unknown_aov("CryptoObject:dept"), None);
     }
 }

@@ -17,9 +17,10 @@ use std::collections::HashMap;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Seeds, and with all tests. The draws of consecutive seeds are stratified, by sixteen: a mean over them is closer to
+/// Seeds, and with all tests. Those of [`adaptive`] take twice as long. The draws of consecutive seeds are stratified, by sixteen: a mean over them is closer to
 /// the truth than its standard error says, never further.
 const SEEDS: [u32; 2] = [32, 64];
+const ADAPTIVE_SEEDS: [u32; 2] = [16, 64];
 /// Seeds that show a bias where nearly every load is played for: with 16 it is twenty standard errors.
 const PLANTED: u32 = 16;
 /// The number of times that the roulette is to be played for each of the [`SEEDS`] ([`plays`]).
@@ -156,8 +157,8 @@ fn plays(totals: &StreamingStats) -> u64 {
 
 /// Returns true if enough rays ended, over all seeds, for the test to be meaningful: half as many as the pilot seeds
 /// predicted.
-fn was_played(totals: &StreamingStats) -> bool {
-    plays(totals) >= u64::from(PLAYS * seeds(SEEDS) / 2)
+fn was_played(totals: &StreamingStats, seeds: u32) -> bool {
+    plays(totals) >= u64::from(PLAYS * seeds / 2)
 }
 
 impl Shown {
@@ -199,14 +200,14 @@ fn has_no_bias(scene: &Scene, budgets: &[u64]) {
     for &budget_percent in budgets {
         let (regions, totals, said) = differing(scene, &mut without, budget_percent, (played(), seeds(SEEDS)));
         println!("{said}; {totals:?}");
-        assert!(was_played(&totals), "{said}: roulette was played: {totals:?}");
+        assert!(was_played(&totals, seeds(SEEDS)), "{said}: roulette was played: {totals:?}");
         assert!(regions.is_empty(), "regions {regions:?} have another mean: {said}");
     }
 }
 
 #[test]
 fn roulette_is_unbiased_in_every_region() {
-    has_no_bias(&SCENES[0], &[25, 10, 5]);
+    has_no_bias(&SCENES[0], if is_full() { &[25, 10, 5] } else { &[5] });
 }
 
 #[test]
@@ -234,9 +235,9 @@ fn adaptive() -> Settings {
 fn roulette_is_unbiased_with_adaptive_sampling() {
     let scene = &SCENES[0];
     let mut without = Renderer::new(scene, adaptive(), options());
-    let (regions, totals, said) = differing(scene, &mut without, 10, (played(), seeds(SEEDS)));
+    let (regions, totals, said) = differing(scene, &mut without, 10, (played(), seeds(ADAPTIVE_SEEDS)));
     println!("{said}; {totals:?}");
-    assert!(was_played(&totals), "{said}: roulette was played: {totals:?}");
+    assert!(was_played(&totals, seeds(ADAPTIVE_SEEDS)), "{said}: roulette was played: {totals:?}");
     assert!(regions.is_empty(), "regions {regions:?} have another mean: {said}");
 }
 
@@ -287,7 +288,8 @@ fn of_production() -> PlantedFaults {
 
 #[test]
 fn roulette_is_unbiased_at_production_prices() {
-    for scene in [&SCENES[0], &SCENES[6]] {
+    let scenes = [&SCENES[0], &SCENES[6]];
+    for scene in &scenes[..if is_full() { 2 } else { 1 }] {
         let mut without = Renderer::new(scene, small_chunks(), options());
         let (regions, totals, said) = differing(scene, &mut without, 10, (of_production(), seeds(SEEDS)));
         println!("{said}; {totals:?}");
@@ -310,8 +312,9 @@ fn unweighted_survivors_are_noticed_at_production_prices() {
 
 #[test]
 fn significance_limits_match_students_t() {
-    // Two-sided quantiles at 1.59e-6, by numerical integration of the density.
-    for (seeds, expected) in [(32, 5.91), (64, 5.30), (1024, 4.83)] {
+    // Two-sided quantiles at 1.59e-6, by numerical integration of the density. With 16 seeds the limit is 7.57 where
+    // the quantile is 7.61: by half a percent too strict.
+    for (seeds, expected) in [(16, 7.57), (32, 5.91), (64, 5.30), (1024, 4.83)] {
         assert!((limit(seeds) - expected).abs() < 0.03, "{seeds}: {}", limit(seeds));
     }
 }

@@ -50,6 +50,7 @@ pub(crate) enum Also {
     StreamedParts,
     Errors,
     Counts,
+    Shadows,
     FilmPart,
     Streaming,
     Mapped,
