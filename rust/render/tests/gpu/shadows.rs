@@ -173,15 +173,23 @@ fn a_catcher_in_half_of_the_light_is_half_opaque() {
 #[test]
 fn meshes_that_emit_make_no_shadows() {
     let view = at_the_floor(&[AovKind::Color, AovKind::Shadow]);
-    let session = session_of(settings(16, 0), false, |db| {
-        below_a_roof(db, PrimMask::SHADOW_CATCHER);
-        db.upsert_material(glow("/glow", [5.0; 3]));
-        let ball = sphere(prim("/bulb", DMat4::from_translation(DVec3::Y * 4.0)), 3, 6, 0.0);
-        db.upsert_mesh(MeshDesc { material: Some("/glow".into()), mask: PrimMask::NO_CAMERA, ..ball });
-    });
-    render(&session, &view);
-    let images = [AovKind::Color, AovKind::Shadow].map(|kind| read::<[f32; 4]>(&session, &view, kind));
-    assert!(images.iter().flatten().all(|pixel| *pixel == [0.0; 4]), "nothing is kept off");
+    let shown = |floor| {
+        let session = session_of(settings(16, 0), false, |db| glowing_over(db, floor));
+        render(&session, &view);
+        [AovKind::Color, AovKind::Shadow].map(|kind| read::<[f32; 4]>(&session, &view, kind))
+    };
+    let [caught, plain] = [PrimMask::SHADOW_CATCHER, PrimMask::empty()].map(shown);
+    assert!(caught.iter().flatten().all(|pixel| *pixel == [0.0; 4]), "nothing is kept off a catcher");
+    assert!(plain[1].iter().all(|pixel| *pixel == [0.0; 4]), "nor off a floor");
+    assert!(plain[0].iter().any(|pixel| pixel[0] > 0.01), "which is lit");
+}
+
+/// A floor below a roof, and a ball above both that glows.
+fn glowing_over(db: &mut SceneDb, floor: PrimMask) {
+    below_a_roof(db, floor);
+    db.upsert_material(glow("/glow", [5.0; 3]));
+    let ball = sphere(prim("/bulb", DMat4::from_translation(DVec3::Y * 4.0)), 3, 6, 0.0);
+    db.upsert_mesh(MeshDesc { material: Some("/glow".into()), mask: PrimMask::NO_CAMERA, ..ball });
 }
 
 /// A live session: a floor becomes a catcher, and a floor again.
@@ -197,6 +205,8 @@ fn a_catcher_can_be_edited() {
     let (before, caught) = (shown(PrimMask::empty()), shown(PrimMask::SHADOW_CATCHER));
     assert!(before.iter().all(|color| color[3] == 1.0), "a floor");
     let lit = |pixel: &usize| !is_left(*pixel) && caught[*pixel] == [0.0; 4];
-    assert!((0..caught.len()).filter(lit).count() > 10, "a catcher");
+    assert!((0..caught.len()).filter(lit).count() > 10, "a catcher, where it is lit");
+    let in_shadow = |pixel: &usize| is_left(*pixel) && caught[*pixel] == [0.0, 0.0, 0.0, 1.0];
+    assert!((0..caught.len()).filter(in_shadow).count() > 10, "and in shadow");
     assert!(shown(PrimMask::empty()) == before, "and its bits come back");
 }
