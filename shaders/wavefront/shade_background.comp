@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Adds the light that rays which leave the scene meet: dome and distant lights, weighted against the shadow rays of the
 // bounce before. One thread per escaped ray, WavefrontCounters::escaped_args. Reads: escaped_queue, rays, paths,
-// lights. Writes: radiance of the ray's path, with PATH_EXPRESSIONS or SHADOW_SUMS light_values; with streaming, segments.
+// lights. Writes: radiance of the ray's path, with PATH_EXPRESSIONS or SHADOW_SUMS light_values; with streaming,
+// segments.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "wavefront/wavefront.glsl"

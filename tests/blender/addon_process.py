@@ -296,6 +296,17 @@ def film():
     return [*answers, render("no_world")]
 
 
+def unseen():
+    """A shadow catcher half below a roof behind the camera, and a holdout, under a sun."""
+    scene = empty(32, 16, sky=(0, 0, 0), wide=8)
+    floors = [plane(dull(name, (0.5, 0.5, 0.5)), size=4, location=(x, 0, 0)) for name, x in (("L", -2), ("R", 2))]
+    floors[0].is_shadow_catcher = floors[1].is_holdout = True
+    plane(dull("Roof", (0.5, 0.5, 0.5)), size=8, location=(-6, 0, 12))
+    lamp("SUN", (0, 0, 15), 1.0)
+    scene.render.film_transparent = True
+    return render_both("unseen", 16)
+
+
 def edits():
     """A cube that moves, of instances of a collection, in three frames; then in another colour, then gone."""
     scene = empty(48, 16)

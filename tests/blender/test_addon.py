@@ -17,8 +17,8 @@ REPOSITORY = pathlib.Path(__file__).resolve().parents[2]
 PROGRAM = pathlib.Path(__file__).resolve().parent / "addon_process.py"
 # Largest difference of a region's mean from Cycles', and what both leave to noise where next to nothing is seen.
 SHARE, LEAST = 0.02, 0.002
-SCENES = ("panels", "chosen", "lamps", "sun", "looks", "views", "sky", "textures", "hair", "links", "film", "edits",
-          "faults", "cancel", "starts")  # fmt: skip
+SCENES = ("panels", "chosen", "lamps", "sun", "looks", "views", "sky", "textures", "hair", "links", "film", "unseen",
+          "edits", "faults", "cancel", "starts")  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -258,6 +258,13 @@ def test_the_film_is_clear_where_it_shall_be(played):
     bare = picture(folder, "no_world")
     assert bare.shape == (16, 24, 4), "the border alone"
     assert (bare[..., 3] == 1).all() and bare[..., :3].max() < 1e-10, "black and opaque, as in Blender"
+
+
+def test_catchers_and_holdouts_are_those_of_cycles(played):
+    folder, *_ = played
+    ours, cycles = regions(folder, "unseen", columns=4)
+    np.testing.assert_allclose(ours[0], [[0, 0, 0, 1], [0, 0, 0, 0], [0, 0, 0, 0], [0, 0, 0, 0]], atol=0.05)
+    close(ours, cycles, "a catcher in shadow and in light, a holdout")
 
 
 def test_frames_and_edits_show_the_scene_as_it_is_then(played):

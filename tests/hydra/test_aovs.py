@@ -14,6 +14,7 @@ FORMATS = {
     "albedo": ("Float32Vec3", 0.0), "motion": ("Float32Vec3", 0.0), "motionBoth": ("Float32Vec4", 0.0),
     "position": ("Float32Vec3", 0.0), "Peye": ("Float32Vec3", 0.0), "Ng": ("Float32Vec3", 0.0),
     "variance": ("Float32Vec3", 0.0), "error": ("Float32", 0.0),
+    "materialId": ("Int32", -1), "shadow": ("Float32Vec4", 0.0), "shadowCatcher": ("Float32", 0.0),
 }  # fmt: skip
 QUICK = {"oocpt:samplesPerPixel": 2, "oocpt:maxBounces": 0}
 

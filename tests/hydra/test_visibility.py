@@ -179,12 +179,12 @@ def test_what_makes_no_sense_is_named(tmp_path):
     constant = ' (interpolation = "constant")'
     primvars = {
         "A": 'string primvars:oocpt:visibility = "-gamma"' + constant,
-        "B": "int primvars:karma:object:holdoutmode = 2" + constant,
+        "B": "int primvars:karma:object:holdoutmode = 7" + constant,
     }
     picture, log = record(write(tmp_path, primvars))
     expect(picture, dict.fromkeys(CARDS, "itself"))
     assert re.search(r"/World/A.*oocpt:visibility.*gamma is no kind of ray", log), log
-    assert re.search(r"/World/B.*holdoutmode.*shadows on the background are not supported", log), log
+    assert re.search(r"/World/B.*holdoutmode.*7 is no mode", log), log
 
 
 COLLECTIONS = """

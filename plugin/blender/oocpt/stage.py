@@ -20,6 +20,8 @@ BARE_COLOR = (0.8, 0.8, 0.8)
 # Below what a picture of floats can show beside anything else.
 NO_LIGHT = 1e-20
 CAMERA_VISIBILITY = "ri:attributes:visibility:camera"
+# Of objects, and the primvars that mean the same.
+UNSEEN = (("is_shadow_catcher", "oocpt:shadowCatcher"), ("is_holdout", "oocpt:matte"))
 # Names of Blender's data, on the prims that are made of them.
 OBJECT_NAME, DATA_NAME = "userProperties:blender:object_name", "userProperties:blender:data_name"
 # By thread: a viewport may export while a picture does.
@@ -89,6 +91,7 @@ def correct(stage, depsgraph, is_transparent):
         _link_lights(lights, prims, data)
     _dress_particles(prims, data)
     _color_bare(prims)
+    _mark_unseen(prims, data)
     materials.connect_color_attributes(prims.of("Shader"), data)
     materials.correct(prims.of("Shader", "DomeLight"), data)
     if not is_transparent and not any(_is_seen_as_sky(prim) for prim in skies):
@@ -319,6 +322,21 @@ def _color_bare(prims):
             continue
         if not any(child.GetTypeName() == "GeomSubset" for child in prim.GetChildren()):
             UsdGeom.Gprim(prim).CreateDisplayColorAttr([BARE_COLOR])
+
+
+# ---- shadow catchers, holdouts ----
+
+
+def _mark_unseen(prims, data):
+    from pxr import Sdf, UsdGeom
+
+    if not any(getattr(one, flag) for one in data.objects.values() for flag, _ in UNSEEN):
+        return
+    for prim in prims.of("Mesh", "BasisCurves", "Points"):
+        owner = data.object_of(prim)
+        for flag, name in UNSEEN:
+            if owner is not None and getattr(owner, flag):
+                UsdGeom.PrimvarsAPI(prim).CreatePrimvar(name, Sdf.ValueTypeNames.Bool).Set(True)
 
 
 def register():

@@ -67,11 +67,13 @@ def render(
             space, 0 at the near plane, 1 at the far one and where nothing is. `cameraDepth`: f32, along the view axis,
             in units of the scene, 0 where nothing is. `normal`, `Neye`: f32, 3, shading normal in the space of the
             world and of the camera. `albedo`: f32, 3. `motion`: f32, 3, pixels to the right, pixels up, change of
-            cameraDepth. `primId`, `instanceId`, `elementId`: i32, -1 where nothing is. `sampleCount`: f32.
-            `position`, `Peye`: f32, 3, the point in the space of the world and of the camera. `Ng`: f32, 3, normal of
-            the surface as it is traced. `variance`: f32, 3, of the samples. `error`: f32, estimated standard error
+            cameraDepth. `primId`, `instanceId`, `elementId`, `materialId`: i32, -1 where nothing is. `sampleCount`:
+            f32. `position`, `Peye`: f32, 3, the point in the space of the world and of the camera. `Ng`: f32, 3, normal
+            of the surface as it is traced. `variance`: f32, 3, of the samples. `error`: f32, estimated standard error
             relative to the pixel. `lpe:C<RD>L` and others: f32, 3, light by its paths. `motionBoth`: f32, 4, pixels to
-            the right and up to the shutter's middle, then from it. `primvars:st` and others: f32, 4.
+            the right and up to the shutter's middle, then from it. `shadow`: f32, 4, the share of the light that does
+            not arrive, by channel and of the luminance. `shadowCatcher`: f32, alpha of shadow catchers. `primvars:st`
+            and others: f32, 4.
         settings: settings of the renderer by key, "oocpt:" may be left out; they stand above those of the scene.
         purposes: drawn in addition to `default`: `render`, `proxy`, `guide`. The default is usdrecord's.
         time: a time code; without it the stage's first one.

@@ -77,6 +77,33 @@ pub struct RenderStats {
     /// With adaptive sampling: the samples spent so far.
     #[serde(default)]
     pub adaptive: Option<AdaptiveUsage>,
+    /// The devices of a picture that several render, in the order in which they are named; memory in the other fields
+    /// is then that of the one that held most.
+    #[serde(default)]
+    pub devices: Vec<DeviceUsage>,
+}
+
+/// What one of several devices did for a picture.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub struct DeviceUsage {
+    /// Its name.
+    pub name: String,
+    /// Its index in the driver's list.
+    pub index: u32,
+    /// Samples of each pixel that it rendered.
+    pub samples: u32,
+    /// Portions that it took them in.
+    pub blocks: u32,
+    /// Seconds in which it had a portion.
+    pub seconds: f64,
+    /// The most device memory that was in use, bytes.
+    pub gpu_peak_bytes: u64,
+    /// Its hard limit, bytes.
+    pub gpu_budget_bytes: u64,
+    /// Why it was left out, if it was.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub failure: Option<String>,
 }
 
 /// What denoised a picture.
@@ -111,6 +138,12 @@ pub struct ErrorRow {
     pub worst: Vec<WorstPixel>,
     /// Bytes of geometry and textures sent to the device so far while rendering.
     pub bytes_paged: u64,
+    /// Device memory in use, bytes; 0 in reports of older versions.
+    #[serde(default)]
+    pub gpu_bytes: u64,
+    /// Maximum of the memory that the process has held so far, bytes ([`RenderStats::host_peak_bytes`]).
+    #[serde(default)]
+    pub host_peak_bytes: u64,
     /// Error against the reference, if there is one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub truth: Option<TrueError>,
@@ -197,6 +230,9 @@ pub struct RenderUsage {
     /// Number of waves traced again for texture tiles.
     #[serde(default)]
     pub waves_retraced: u64,
+    /// The devices of a picture that several render ([`RenderStats::devices`]).
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub devices: Vec<DeviceUsage>,
 }
 
 impl RenderUsage {
@@ -228,6 +264,7 @@ impl RenderUsage {
             is_split: streaming.is_split,
             seconds_loading: streaming.seconds_loading,
             seconds_waiting: streaming.seconds_waiting,
+            devices: stats.devices.clone(),
             ..Self::default()
         }
     }

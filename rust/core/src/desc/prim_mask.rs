@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Reads what kinds of rays see a prim, and whether it is a matte or a shadow catcher, from the primvars that renderers have for it.
+//! Reads what kinds of rays see a prim, and whether it is a matte or a shadow catcher, from the primvars that
+//! renderers have for it.
 //!
 //! Pure, any thread. Of several renderers' primvars those of the first one in [`ROWS`] count, for visibility and for
 //! mattes apart: scenes carry the settings of more than one.
