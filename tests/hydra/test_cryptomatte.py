@@ -176,7 +176,8 @@ def named_scene():
     }
     # One more prototype, out of sight, so that numbers of instances are not their indices in a prototype.
     text = SCENE.replace("[0, 0, 0]", "[1, 0, 0, 0]", 1).replace("[(-1.2, -0.6, 0)", "[(99, 0, 0), (-1.2, -0.6, 0)", 1)
-    text = text.replace("rel prototypes = </World/Forest/Tree>", "rel prototypes = [</World/Forest/Tree>, </World/Forest/Far>]", 1)
+    both = "[</World/Forest/Tree>, </World/Forest/Far>]"
+    text = text.replace("prototypes = </World/Forest/Tree>", f"prototypes = {both}", 1)
     tree = '        def Xform "Tree"'
     text = text.replace(tree, f'        def Mesh "Far"\n        {{\n{CARD}        }}\n{tree}', 1)
     for head, line in added.items():

@@ -218,6 +218,13 @@ def test_expressions_over_paths_count_and_others_are_named(tmp_path):
     assert re.search(r"/Render/Pass.*prune uses more than paths", log), log
 
 
+def test_what_is_below_a_pruned_prim_is_pruned(tmp_path):
+    collections = 'pathExpression collection:prune:membershipExpression = "/World"'
+    picture, log = record(write(tmp_path, {}, collections), "-rp", "/Render/Pass")
+    assert "warning" not in log.lower(), log
+    expect(picture, dict.fromkeys(CARDS, "nothing"))
+
+
 def test_the_old_front_end_says_that_it_hands_over_no_passes(tmp_path):
     picture, log = record(write(tmp_path, {}, COLLECTIONS), "-rp", "/Render/Pass", front_end="0")
     expect(picture, dict.fromkeys(CARDS, "itself"))

@@ -483,7 +483,7 @@ mod tests {
             settings,
             numbers,
             color_space,
-            pixel_aspect: [1.0, 2.5, -1.0, f32::NAN, 1e30][next(random, 5)],
+            pixel_aspect: [1.0, 2.5, 1e-3, 1e3, 0.5, -1.0, f32::NAN, 1e30][next(random, 8)],
             display_size: [sides[next(random, 5)], sides[next(random, 5)]],
             data_corner: [i32::MIN, i32::MAX],
             frame: [None, Some(f64::MAX), Some(-3.0)][next(random, 3)],
