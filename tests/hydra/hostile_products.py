@@ -115,10 +115,10 @@ def names(dice: random.Random, folder: str, at: int) -> str:
         [f"p{at}.exr"] * 40
         + [
             "same.exr", f"{folder}/sub/{at}/../p{at}.exr", f"./a/b/c/p{at}.exr", "", " ", ".exr", "..", "../..", "exr",
-            f"p{at}.tif", "/dev/null", "/dev/full", "full.exr", "pipe.exr", "folder.exr", "loop.exr", "folder.exr/x.exr",
-            "text.exr", "text.exr/x.exr", "sky é字.exr", f"{'n' * 300}.exr", f"{'d/' * 3000}x.exr", f"{'l' * 5000}.exr",
-            "a<F4>.exr", "$F99.exr", "<F999999>.exr", "#" * 300 + ".exr", "nul\\u0000.exr", "new\\nline.exr",
-            "/proc/self/x.exr", "file://x.exr", "%s%n.exr", "-rf.exr", "~/x.exr",
+            f"p{at}.tif", "/dev/null", "/dev/full", "full.exr", "pipe.exr", "folder.exr", "loop.exr",
+            "folder.exr/x.exr", "text.exr", "text.exr/x.exr", "sky é字.exr", f"{'n' * 300}.exr",
+            f"{'d/' * 3000}x.exr", f"{'l' * 5000}.exr", "a<F4>.exr", "$F99.exr", "<F999999>.exr", "#" * 300 + ".exr",
+            "nul\\u0000.exr", "new\\nline.exr", "/proc/self/x.exr", "file://x.exr", "%s%n.exr", "-rf.exr", "~/x.exr",
         ]
     )  # fmt: skip
 

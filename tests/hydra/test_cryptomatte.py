@@ -171,16 +171,24 @@ def named_scene():
     added = {
         'def Mesh "Mover"': 'string primvars:dept = "hero"\n        string primvars:crypto_asset = "props"',
         'def BasisCurves "Hair"': 'token primvars:dept = "hero"',
-        'def PointInstancer "Forest"': 'string[] primvars:dept = ["oak", "", "樹é"] (interpolation = "varying")',
+        'def PointInstancer "Forest"': 'string[] primvars:dept = ["far", "oak", "", "樹é"] (interpolation = "varying")',
         'def PointInstancer "Leaves"': 'string[] primvars:dept = ["", "low"] (interpolation = "varying")',
     }
-    text = SCENE
+    # One more prototype, out of sight, so that numbers of instances are not their indices in a prototype.
+    text = SCENE.replace("[0, 0, 0]", "[1, 0, 0, 0]", 1).replace("[(-1.2, -0.6, 0)", "[(99, 0, 0), (-1.2, -0.6, 0)", 1)
+    text = text.replace("rel prototypes = </World/Forest/Tree>", "rel prototypes = [</World/Forest/Tree>, </World/Forest/Far>]", 1)
+    tree = '        def Xform "Tree"'
+    text = text.replace(tree, f'        def Mesh "Far"\n        {{\n{CARD}        }}\n{tree}', 1)
     for head, line in added.items():
         start = text.index("{", text.index(head)) + 1
         text = f"{text[:start]}\n        {line}{text[start:]}"
     odd = CARD + '        string[] primvars:dept = ["by face"] (interpolation = "uniform")\n'
-    return text.replace('    def Mesh "Mover"', f'    def Mesh "Odd"\n    {{\n{odd}        double3 xformOp:translate = (99, 0, 0)\n'
-                        '        uniform token[] xformOpOrder = ["xformOp:translate"]\n    }\n    def Mesh "Mover"', 1)  # fmt: skip
+    odd += (
+        "        double3 xformOp:translate = (99, 0, 0)\n"
+        '        uniform token[] xformOpOrder = ["xformOp:translate"]\n'
+    )
+    mover = '    def Mesh "Mover"'
+    return text.replace(mover, f'    def Mesh "Odd"\n    {{\n{odd}    }}\n{mover}', 1)
 
 
 @pytest.mark.parametrize("front_end", ["0", "1"], ids=["legacy", "scene_index"])

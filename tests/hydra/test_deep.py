@@ -50,6 +50,7 @@ VARS = {
     "prim": ("primId", "int"),
     "instance": ("instanceId", "int"),
     "CryptoObject": ("CryptoObject", "float"),
+    "CryptoAsset": ("CryptoAsset", "float"),
 }
 DEEP = 'token productType = "deepRaster"'
 
@@ -164,7 +165,7 @@ PAIRS = {
 def pictures(tmp_path_factory):
     """Each product flat and deep, rendered at once."""
     folder = tmp_path_factory.mktemp("deep")
-    names = ("beauty", "prim", "instance", "CryptoObject")
+    names = ("beauty", "prim", "instance", "CryptoObject", "CryptoAsset")
     products = {name: (("beauty", "CryptoObject"), more if "Window" in more else "") for name, more in PAIRS.items()}
     products |= {f"{name}_deep": (names, f"{DEEP}\n    {more}") for name, more in PAIRS.items()}
     products["half_deep"] = (("halves",), DEEP)
@@ -199,13 +200,18 @@ def test_halves_are_halves(pictures):
     close(flattened(pixels), expected, 4e-3, "to the precision of halves")
 
 
+def manifest(header, layer):
+    """Names by the hashes of a layer."""
+    key = f"cryptomatte/{test_cryptomatte.murmur3(layer):08x}"[: len("cryptomatte/") + 7]
+    return {int(value, 16): name for name, value in json.loads(header[f"{key}/manifest"]).items()}
+
+
 def test_samples_are_of_the_things_that_are_counted(pictures):
     """By name: what is seen of a thing's samples is its share in the flat Cryptomatte layer."""
     layers, header = flat(pictures / "whole.exr")
     shares = test_cryptomatte.matte(layers, header, "CryptoObject")
     pixels, deep = samples(pictures / "whole_deep.exr")
-    key = next(key for key in deep if key.startswith("cryptomatte/") and key.endswith("/manifest"))
-    names = {int(value, 16): name for name, value in json.loads(deep[key]).items()}
+    names, assets = manifest(deep, "CryptoObject"), manifest(deep, "CryptoAsset")
     assert set(names.values()) == set(shares), "the same names"
     seen = {name: np.zeros(SIZE[::-1]) for name in shares}
     by_ids = {}
@@ -216,6 +222,8 @@ def test_samples_are_of_the_things_that_are_counted(pictures):
                     assert pixel["Z"][at] > 1e29 and pixel["CryptoObject"][at] == 0, "the sky"
                     continue
                 name = names[int(pixel["CryptoObject"][at])]
+                asset = f"/World/Forest[{name.split('[')[1][0]}]" if "[" in name else "/World"
+                assert assets[int(pixel["CryptoAsset"][at])] == asset, name
                 seen[name][y, x] += share
                 by_ids.setdefault((pixel["prim"][at], pixel["instance"][at]), name)
                 assert by_ids[pixel["prim"][at], pixel["instance"][at]] == name

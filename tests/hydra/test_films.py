@@ -70,6 +70,16 @@ def test_parts_merge_to_the_bits_of_the_whole(film, tmp_path):
     assert [one["samples"] for one in facts[:2]] == [[{"begin": 1, "end": 8}], [{"begin": 8, "end": 13}]], facts
 
 
+def test_parts_with_the_light_at_the_camera_merge(film):
+    """Each process names that light by an address of its own."""
+    for begin, end in ((0, 2), (2, 4)):
+        film(
+            "render", SCENE, "--camera", "/World/Camera", "--width", 48, "--samples", f"{begin}..{end}",
+            "--out", f"lit{begin}",
+        )  # fmt: skip
+    film("picture", "lit0", "lit2", "--out", "picture.exr")
+
+
 def test_parts_of_another_scene_or_with_holes_are_refused(film, tmp_path):
     part(film, "a", 0, 2)
     part(film, "b", 4, 6)

@@ -48,7 +48,7 @@ def written(folder):
     for path in folder.rglob("*.exr"):
         if path.is_symlink() or not path.is_file() or path.name == "text.exr":
             continue
-        with OpenEXR.File(str(path)) as file:
+        with OpenEXR.File(str(path), separate_channels=True) as file:
             assert file.parts and all(part.channels for part in file.parts), path
         found.add(path)
     return found
@@ -75,7 +75,7 @@ def run(fresh_host, folder, seeds, scene_index):
         assert not silent, (silent, folder / f"{seed}.log")
         assert (here / "text.exr").read_text() == "a text" and stat.S_ISFIFO((here / "pipe.exr").stat().st_mode)
         assert os.readlink(here / "full.exr") == "/dev/full" and os.readlink(here / "loop.exr") == "loop.exr"
-        assert not [path for path in here.rglob("*") if path.name.endswith(".part")], "nothing is left half done"
+        assert not [path for path in here.rglob("*") if path.name.endswith(".tmp")], "nothing is left half done"
     return counts
 
 

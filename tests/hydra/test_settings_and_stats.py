@@ -31,7 +31,8 @@ KEYS = [
 ]  # fmt: skip
 LISTED = [
     "oocpt:samplesPerPixel", "oocpt:maxBounces", "oocpt:seed", "oocpt:clamp", "oocpt:timeLimit", "oocpt:memoryBudget",
-    "oocpt:device", "oocpt:chunkSize", "oocpt:geometryBudget", "oocpt:hostMemoryBudget", "oocpt:dicingRate",
+    "oocpt:device", "oocpt:devices",
+    "oocpt:chunkSize", "oocpt:geometryBudget", "oocpt:hostMemoryBudget", "oocpt:dicingRate",
     "oocpt:report", "oocpt:targetError",
     "oocpt:stragglerRoulette", "oocpt:adaptiveSampling", "oocpt:textureCache", "oocpt:textureCacheSize",
     "oocpt:geometryCache", "oocpt:geometryCacheSize", "oocpt:pipelineCache",
@@ -169,7 +170,8 @@ def test_a_scene_sets_nothing_that_belongs_to_the_machine(fresh_host, host, tmp_
     wanted, unwanted = tmp_path / "wanted.json", tmp_path / "unwanted"
     of_machine = {
         "oocpt:memoryBudget": "int = 1", "oocpt:geometryBudget": "int = 1", "oocpt:hostMemoryBudget": "int = 1",
-        "oocpt:device": 'string = "no such device"', "oocpt:chunkSize": "int = 16", "oocpt:policy": 'string = "sweep"',
+        "oocpt:device": 'string = "no such device"', "oocpt:devices": 'string = "nor such"',
+        "oocpt:chunkSize": "int = 16", "oocpt:policy": 'string = "sweep"',
         "oocpt:traversal": 'string = "compute"', "oocpt:hostMappedGeometry": 'string = "on"',
         "oocpt:textureCacheSize": "int = 1", "oocpt:geometryCacheSize": "int = 1",
         **{

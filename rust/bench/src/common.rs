@@ -93,6 +93,7 @@ pub(crate) fn plain_settings(samples: u32, bounces: u32, device: &str) -> Settin
         samples_per_pixel: samples,
         max_bounces: bounces,
         device: device.to_owned(),
+        devices: said("oocpt:devices", |names| Some(names.to_owned())),
         interactive: false,
         traversal: said("oocpt:traversal", TraversalKind::named),
         host_mapped: said("oocpt:hostMappedGeometry", HostMapped::named),

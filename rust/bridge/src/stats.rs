@@ -7,7 +7,7 @@
 use crate::ffi::{NamedValue, ScalarTag, ScalarValue};
 use oocpt_core::adaptive::AdaptiveUsage;
 use oocpt_core::inventory::RenderInventory;
-use oocpt_core::stats::{ErrorRow, RenderStats, StreamingStats};
+use oocpt_core::stats::{DeviceUsage, ErrorRow, RenderStats, StreamingStats};
 use oocpt_render::CommitProgress;
 
 /// The list of pairs, sorted as below. Memory in bytes, times in seconds.
@@ -43,6 +43,7 @@ pub(crate) fn named_values(stats: &RenderStats) -> Vec<NamedValue> {
         text("oocpt:featuresLeftOut", &stats.features_left_out.join("; ")),
         integer("oocpt:dropped", stats.dropped.total()),
         text("oocpt:droppedData", &dropped),
+        list("oocpt:deviceShares", stats.devices.iter().map(device_share)),
         list("oocpt:passSeconds", stats.passes.iter().map(|(name, secs, runs)| format!("{name} {secs:.6} {runs}"))),
     ];
     values.extend(inventory(&stats.inventory));
@@ -50,6 +51,13 @@ pub(crate) fn named_values(stats: &RenderStats) -> Vec<NamedValue> {
     values.extend(stats.error.iter().flat_map(error));
     values.extend(stats.adaptive.iter().flat_map(adaptive));
     values
+}
+
+/// What a device did for a picture that several render: its index, samples, most bytes and budget, name.
+fn device_share(device: &DeviceUsage) -> String {
+    let DeviceUsage { index, samples, gpu_peak_bytes, gpu_budget_bytes, name, failure, .. } = device;
+    let failure = failure.as_ref().map_or_else(String::new, |failure| format!(" ({failure})"));
+    format!("{index} {samples} {gpu_peak_bytes} {gpu_budget_bytes} {name}{failure}")
 }
 
 /// What the render is made of, and what was left out for it, as lists parted by semicolons.

@@ -77,6 +77,33 @@ pub struct RenderStats {
     /// With adaptive sampling: the samples spent so far.
     #[serde(default)]
     pub adaptive: Option<AdaptiveUsage>,
+    /// The devices of a picture that several render, in the order in which they are named; memory in the other fields
+    /// is then that of the one that held most.
+    #[serde(default)]
+    pub devices: Vec<DeviceUsage>,
+}
+
+/// What one of several devices did for a picture.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub struct DeviceUsage {
+    /// Its name.
+    pub name: String,
+    /// Its index in the driver's list.
+    pub index: u32,
+    /// Samples of each pixel that it rendered.
+    pub samples: u32,
+    /// Portions that it took them in.
+    pub blocks: u32,
+    /// Seconds in which it had a portion.
+    pub seconds: f64,
+    /// The most device memory that was in use, bytes.
+    pub gpu_peak_bytes: u64,
+    /// Its hard limit, bytes.
+    pub gpu_budget_bytes: u64,
+    /// Why it was left out, if it was.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub failure: Option<String>,
 }
 
 /// What denoised a picture.
@@ -203,6 +230,9 @@ pub struct RenderUsage {
     /// Number of waves traced again for texture tiles.
     #[serde(default)]
     pub waves_retraced: u64,
+    /// The devices of a picture that several render ([`RenderStats::devices`]).
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub devices: Vec<DeviceUsage>,
 }
 
 impl RenderUsage {
@@ -234,6 +264,7 @@ impl RenderUsage {
             is_split: streaming.is_split,
             seconds_loading: streaming.seconds_loading,
             seconds_waiting: streaming.seconds_waiting,
+            devices: stats.devices.clone(),
             ..Self::default()
         }
     }

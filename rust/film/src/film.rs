@@ -50,6 +50,16 @@ impl ExactFilm {
         &self.errors
     }
 
+    /// The pixels of each plane, in the order of the header's.
+    pub(crate) fn planes(&self) -> impl Iterator<Item = &[ExactPixel]> {
+        self.planes.values().map(|(_, pixels)| pixels.as_slice())
+    }
+
+    /// The pixels of the first plane, if it begins at sample 0.
+    pub(crate) fn whole(&self) -> &[ExactPixel] {
+        self.planes.get(&0).map_or(&[], |(_, pixels)| pixels)
+    }
+
     /// Adds what it cost to render so far: samples that were not finite, time, memory, the device.
     pub fn note(&mut self, nonfinite: u64, milliseconds: u64, device_bytes: u64, device: &str) {
         let header = &mut self.header;

@@ -4,13 +4,18 @@
 use crate::combine::FilmCombination;
 use crate::error::FilmError;
 use crate::exact::ExactSums as _;
+use crate::film::ExactFilm;
 use crate::header::{FilmHeader, FilmView};
 use crate::measure::{ErrorMeasurer, OctaveError, PixelState, estimates};
 use crate::ranges::{self, SampleRange, missing};
+use crate::tiles::{self, TILE};
 use oocpt_abi::ExactPixel;
 use oocpt_core::convergence::ErrorEstimate;
 use rayon::prelude::*;
 use std::path::PathBuf;
+
+/// Pixels of a film in memory that are shown at a time.
+const AT_ONCE: usize = 16 * TILE;
 
 /// The picture of a film.
 #[derive(Clone, Debug)]
@@ -57,18 +62,51 @@ pub fn picture(films: &[PathBuf], partial: bool) -> Result<FilmPicture, FilmErro
     let mut rgba: Vec<f32> = Vec::new();
     let mut last = (missing.is_empty() && samples != header.whole()).then(|| ErrorMeasurer::new(&header, samples));
     let mut errors = combination.run(|tiles| {
-        let mut planes = tiles.planes();
-        let mut total = planes.next().unwrap_or_default().to_vec();
-        planes.for_each(|plane| total.par_iter_mut().zip(plane).for_each(|(sum, pixel)| sum.merge(pixel)));
-        if let Some(measurer) = &mut last {
-            let state = |(sum, whole): (&ExactPixel, &ExactPixel)| PixelState::new(sum, whole.mean());
-            measurer.take(total.par_iter().zip(tiles.whole()).map(state));
-        }
-        rgba.par_extend(total.par_iter().flat_map_iter(|pixel| color(pixel, &header.view)));
+        show(&mut rgba, (tiles.planes(), tiles.whole()), &mut last, &header.view);
         Ok(())
     })?;
     errors.extend(last.map(ErrorMeasurer::finish));
     Ok(FilmPicture { header, rgba, samples, missing, errors })
+}
+
+impl ExactFilm {
+    /// The picture of the samples that it has, some of which may be missing: the bits and the errors that [`picture`]
+    /// gives of its file. Without samples it has no pixels.
+    #[must_use]
+    pub fn picture(&self) -> FilmPicture {
+        let header = self.header().clone();
+        let all = header.samples();
+        let samples = ranges::samples(&all);
+        let missing = missing(&all, all.last().map_or(0, |range| range.end));
+        let is_between = missing.is_empty() && samples != header.whole();
+        let mut last = is_between.then(|| ErrorMeasurer::new(&header, samples));
+        let mut rgba: Vec<f32> = Vec::new();
+        let pixels = tiles::pixels(&header);
+        for first in (0..pixels).step_by(AT_ONCE) {
+            let end = pixels.min(first + AT_ONCE);
+            let planes = self.planes().map(|plane| &plane[first..end]);
+            show(&mut rgba, (planes, self.whole().get(first..end).unwrap_or_default()), &mut last, &header.view);
+        }
+        let errors = self.errors().iter().cloned().chain(last.map(ErrorMeasurer::finish)).collect();
+        FilmPicture { header, rgba, samples, missing, errors }
+    }
+}
+
+/// Adds the colours of some pixels, which have these planes, of which one may be `whole` from sample 0 on; measures
+/// their error if that is not known.
+fn show<'a>(
+    rgba: &mut Vec<f32>,
+    (mut planes, whole): (impl Iterator<Item = &'a [ExactPixel]>, &[ExactPixel]),
+    last: &mut Option<ErrorMeasurer>,
+    view: &FilmView,
+) {
+    let mut total = planes.next().unwrap_or_default().to_vec();
+    planes.for_each(|plane| total.par_iter_mut().zip(plane).for_each(|(sum, pixel)| sum.merge(pixel)));
+    if let Some(measurer) = last {
+        let state = |(sum, whole): (&ExactPixel, &ExactPixel)| PixelState::new(sum, whole.mean());
+        measurer.take(total.par_iter().zip(whole).map(state));
+    }
+    rgba.par_extend(total.par_iter().flat_map_iter(|pixel| color(pixel, view)));
 }
 
 /// The colour of a pixel, as `resolve.comp` makes it.

@@ -69,7 +69,7 @@ pub use host_view::{HostBytes, HostSpan, HostView, HostWords};
 pub use instance::capabilities::DeviceCapabilities;
 #[cfg(feature = "faults")]
 pub use instance::capabilities::hide_capabilities;
-pub use instance::enumerate::{enumerate, enumerate_for};
+pub use instance::enumerate::{devices_together, enumerate, enumerate_for};
 pub use instance::limits::DeviceLimits;
 pub use instance::memory_type::BufferUsage;
 pub use instance::report::{DeviceKind, DeviceReport, HeapReport};

@@ -26,6 +26,7 @@ mod report;
 mod session;
 mod streaming;
 mod sync;
+mod team;
 pub mod textures;
 mod wave;
 mod wavefront;

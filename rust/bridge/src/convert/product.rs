@@ -32,7 +32,6 @@ pub(crate) fn names_of_naming(products: &[ProductDesc]) -> Vec<String> {
     names
 }
 
-
 /// A product as the renderer takes it.
 pub(crate) fn render_product(desc: ProductDesc, naming: &NamingPrimvars) -> RenderProduct {
     let var_of = |desc: &ProductVarDesc| {

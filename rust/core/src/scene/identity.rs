@@ -100,8 +100,16 @@ fn with_content(asset: &mut AssetRef, content: &AssetContent<'_>) {
     *asset = AssetRef { authored: "".into(), resolved: text.into() };
 }
 
+/// A path without the address of a renderer: Hydra's task controller names the prim above the light at the camera by
+/// it, so that every process has another one.
+fn stable_path(path: &str) -> &str {
+    let below = path.strip_prefix("/_UsdImaging_").and_then(|rest| rest.find('/').map(|at| &rest[at..]));
+    below.unwrap_or(path)
+}
+
 fn light_with_content(light: &LightDesc, content: &AssetContent<'_>) -> LightDesc {
     let mut light = light.clone();
+    light.prim.path = stable_path(&light.prim.path).into();
     let texture = match &mut light.kind {
         LightKind::Dome { texture, .. } | LightKind::Rect { texture, .. } => texture.as_mut(),
         _ => None,

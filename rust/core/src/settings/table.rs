@@ -171,6 +171,9 @@ settings! {
     Text(device): String = String::new();
         User Machine SameSamples "oocpt:device" "OOCPT_DEVICE" "Device"
         "Device by index or part of its name; empty = best";
+    Text(devices): String = String::new();
+        User Machine SameSamples "oocpt:devices" "OOCPT_DEVICES" "Devices"
+        "Devices that render a picture together: all, or indices and parts of names between commas; empty = one";
     Traversal(traversal): TraversalKind = TraversalKind::Auto;
         Developer Machine SameSamples "oocpt:traversal" "OOCPT_TRAVERSAL" "Traversal"
         "Who walks the rays: auto, compute (the device) or native (the host, where the device is a processor)";

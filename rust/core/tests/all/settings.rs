@@ -100,7 +100,7 @@ fn a_report_has_any_name() {
 }
 
 /// The settings of this renderer, in their order.
-const OURS: [&str; 39] = [
+const OURS: [&str; 40] = [
     "oocpt:samplesPerPixel",
     "oocpt:maxBounces",
     "oocpt:seed",
@@ -108,6 +108,7 @@ const OURS: [&str; 39] = [
     "oocpt:timeLimit",
     "oocpt:memoryBudget",
     "oocpt:device",
+    "oocpt:devices",
     "oocpt:traversal",
     "oocpt:hostMappedGeometry",
     "oocpt:policy",
@@ -211,6 +212,7 @@ fn wrong_types_are_refused() {
         ("oocpt:maxBounces", SettingValue::Bool(true)),
         ("oocpt:clamp", SettingValue::Text(String::new())),
         ("oocpt:device", SettingValue::Float(1.0)),
+        ("oocpt:devices", SettingValue::Float(1.0)),
         ("enableInteractive", SettingValue::Int(2)),
         ("oocpt:chunkSize", SettingValue::Float(64.5)),
         ("oocpt:chunkReport", SettingValue::Bool(false)),
@@ -250,7 +252,7 @@ fn every_descriptor_can_be_set_to_its_default_and_has_an_own_variable() {
         let name = Settings::env_name(descriptor.key).unwrap();
         assert!(name.starts_with("OOCPT_") && names.insert(name), "{name}");
     }
-    assert_eq!(names.len(), 43);
+    assert_eq!(names.len(), 44);
     assert_eq!(Settings::env_name("oocpt:samplesPerPixel"), Some("OOCPT_SAMPLES_PER_PIXEL"));
     assert_eq!(Settings::env_name("other"), None);
 }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Parts of a film merge to the bits of the whole.
 
-use crate::support::{Folder, bytes, film, parts, plane};
+use crate::support::{Folder, bytes, film, header, parts, plane};
 use oocpt_film::{ExactFilm, ExactSums as _, FilmReader, SampleRange, merge, missing, picture};
 use std::path::PathBuf;
 
@@ -111,6 +111,31 @@ fn the_picture_is_that_of_the_means() {
         }
         assert!((rgba[3] - (alpha + 0.25 * (1.0 - alpha))).abs() < 1e-6, "alpha of pixel {pixel}");
     }
+}
+
+#[test]
+fn a_film_in_memory_has_the_picture_of_its_file_in_whatever_order_samples_came() {
+    let folder = Folder::new("memory");
+    let size = [9, 500]; // more pixels than a tile
+    let range = SampleRange::new;
+    for (name, ranges) in [
+        ("whole", &[range(8, 11), range(0, 1), range(4, 8), range(1, 2), range(2, 3), range(3, 4)][..]),
+        ("octave", &[range(2, 4), range(1, 2), range(0, 1)]),
+        ("holes", &[range(9, 11), range(0, 1), range(20, 22)]),
+        ("end", &[range(5, 7)]),
+    ] {
+        let mut film = ExactFilm::new(header(size)).expect("a sound header");
+        for range in ranges {
+            film.add(*range, plane(size, *range)).expect("it fits");
+        }
+        let path = folder.path(name);
+        film.write(&path).expect("it can be written");
+        let (have, expected) = (film.picture(), picture(&[path], true).expect("its own file"));
+        assert!(have.rgba == expected.rgba && have.errors == expected.errors, "{name}: the same bits");
+        assert_eq!((have.samples, have.missing), (expected.samples, expected.missing), "{name}");
+    }
+    let empty = ExactFilm::new(header(size)).expect("a sound header").picture();
+    assert_eq!((empty.samples, empty.rgba.len()), (0, 0), "nothing");
 }
 
 #[test]

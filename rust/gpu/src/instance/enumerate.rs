@@ -15,6 +15,19 @@ pub fn enumerate() -> Result<Vec<DeviceReport>, GpuError> {
     enumerate_for(None)
 }
 
+/// The devices that render one picture together: `devices` is `all`, for the device that
+/// [`Gpu::open`](crate::Gpu::open) takes with `selector` and all of its name and driver, or a list of selectors between
+/// commas. One that is named twice is there twice.
+///
+/// # Errors
+/// As [`Gpu::open`](crate::Gpu::open), for each entry.
+pub fn devices_together(devices: &str, selector: Option<&str>) -> Result<Vec<DeviceReport>, GpuError> {
+    let instance = Instance::get(ValidationLevel::Off)?;
+    let reports: Vec<_> = probe_all(&instance)?.into_iter().map(|probed| probed.report).collect();
+    let chosen = select::choose_together(&reports, devices, selector)?;
+    Ok(chosen.into_iter().map(|index| reports[index].clone()).collect())
+}
+
 /// All devices, with `chosen` and `why` as [`Gpu::open`](crate::Gpu::open) with this selector would decide.
 ///
 /// # Errors

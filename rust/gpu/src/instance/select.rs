@@ -8,6 +8,11 @@ use crate::error::GpuError;
 use crate::instance::report::DeviceReport;
 use std::cmp::Reverse;
 
+/// What stands for all devices that are alike.
+const ALL: &str = "all";
+/// Most devices of a picture.
+const MOST_TOGETHER: usize = 64;
+
 /// The index into `reports` of the device to use.
 ///
 /// # Errors
@@ -37,6 +42,35 @@ pub(crate) fn choose(reports: &[DeviceReport], selector: Option<&str>) -> Result
         }),
         (None, _, None) => Err(GpuError::NoDevice { reason: format!("none can be used: {}", list_missing(reports)) }),
     }
+}
+
+/// The indices into `reports` of the devices that render one picture together. `devices` is `all`, which is the device
+/// that [`choose`] gives for the selector and all of its name and driver, or a list of selectors between commas: one
+/// device each, and one that is named twice is opened twice.
+///
+/// # Errors
+/// As [`choose`]; [`GpuError::NoDevice`] for an empty entry, or for too many.
+pub(crate) fn choose_together(
+    reports: &[DeviceReport],
+    devices: &str,
+    selector: Option<&str>,
+) -> Result<Vec<usize>, GpuError> {
+    if devices.trim().eq_ignore_ascii_case(ALL) {
+        let first = choose(reports, selector)?;
+        let kin = |other: &DeviceReport| (&other.name, &other.driver) == (&reports[first].name, &reports[first].driver);
+        let others = (0..reports.len()).filter(|&i| i != first && kin(&reports[i]) && reports[i].missing.is_empty());
+        return Ok(std::iter::once(first).chain(others).collect());
+    }
+    let named = |entry: &str| match entry.trim() {
+        "" => Err(GpuError::NoDevice { reason: format!("\"{devices}\" has an entry that names no device") }),
+        entry => choose(reports, Some(entry)),
+    };
+    let entries = devices.split(',').count();
+    if entries > MOST_TOGETHER {
+        let reason = format!("{entries} devices are named, and a picture is rendered on {MOST_TOGETHER} at most");
+        return Err(GpuError::NoDevice { reason });
+    }
+    devices.split(',').map(named).collect()
 }
 
 /// Indices into `reports` of the devices that the selector names: by index if there is such a device, else by a part of
@@ -130,6 +164,34 @@ mod tests {
         assert_eq!(choose(&machine, Some("LLVM")), Ok(0), "any case");
         assert_eq!(choose(&machine, Some("4090")), Ok(2), "a number that is no index is a name part");
         assert_eq!(choose(&machine, Some("geforce")), Ok(3), "the best usable of several matches");
+    }
+
+    #[test]
+    fn all_is_the_devices_that_are_like_the_chosen_one() {
+        let gib = |index| device(index, "H200", DeviceKind::Discrete, 140, &[]);
+        let old = DeviceReport { driver: "older".to_owned(), ..gib(4) };
+        let lacking = device(5, "H200", DeviceKind::Discrete, 140, &["shaderInt64"]);
+        let machine = [device(0, "llvmpipe", DeviceKind::Cpu, 999, &[]), gib(1), gib(2), gib(3), old, lacking];
+        let together = |devices, selector| choose_together(&machine, devices, selector);
+        assert_eq!(together("all", None), Ok(vec![1, 2, 3]), "no processor, no other driver, none that lacks anything");
+        assert_eq!(together(" ALL ", Some("3")), Ok(vec![3, 1, 2]), "the one that is named comes first");
+        assert_eq!(together("all", Some("llvm")), Ok(vec![0]), "it may be the only one");
+        assert!(matches!(together("all", Some("radeon")), Err(GpuError::NoDevice { .. })), "no such device");
+    }
+
+    #[test]
+    fn a_list_names_a_device_by_each_entry() {
+        let machine = machine();
+        let together = |devices| choose_together(&machine, devices, Some("llvm"));
+        assert_eq!(together("3, iris,3"), Ok(vec![3, 1, 3]), "in the order of the list, one of them twice");
+        for (wrong, part) in [("3,,1", "has an entry"), ("3,radeon", "\"radeon\" names no device"), (",", "an entry")] {
+            let Err(GpuError::NoDevice { reason }) = together(wrong) else { panic!("{wrong}: expected NoDevice") };
+            assert!(reason.contains(part), "{wrong}: {reason}");
+        }
+        let many = choose_together(&machine, &"0,".repeat(64), None);
+        assert!(matches!(many, Err(GpuError::NoDevice { .. })), "too many: {many:?}");
+        let lacks = together("0,4");
+        assert!(matches!(lacks, Err(GpuError::MissingCapability { .. })), "none is left out in silence: {lacks:?}");
     }
 
     #[test]

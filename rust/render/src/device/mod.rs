@@ -68,6 +68,8 @@ impl PassSpecialisation {
 pub(crate) struct DeviceOptions {
     /// Index of the device, or part of its name; if empty, the best one is chosen.
     pub(crate) selector: String,
+    /// Number of the logical device of the same physical one: a picture may be rendered on several.
+    pub(crate) twin: u32,
     /// Turns the validation layer on; its messages become errors of the session.
     pub(crate) validation: bool,
     /// Hard limit of device memory, MiB; 0 = 90 % of what is free.

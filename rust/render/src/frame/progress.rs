@@ -4,6 +4,7 @@
 mod denoising;
 mod errors;
 mod files;
+pub(crate) mod team;
 mod windows;
 
 use crate::assets::SceneAssets;
@@ -34,6 +35,7 @@ use oocpt_core::stats::{RenderStats, RenderUsage, StreamingStats};
 use oocpt_gpu::Gpu;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
+use team::TeamProgress;
 use windows::WindowShare;
 
 /// Interval between published images: with the wave that ends in it less than a tenth of a second.
@@ -89,6 +91,8 @@ pub(crate) struct FrameProgress<'a> {
     kept_nonfinite: u32,
     /// What is rendered is a window of the picture, with so much of its work.
     window: Option<WindowShare<'a>>,
+    /// What is rendered are samples of a picture that several devices render: the number of this one.
+    team: Option<(&'a TeamProgress<'a>, usize)>,
     pub(crate) timings: RenderTimings,
 }
 
@@ -140,6 +144,7 @@ impl<'a> FrameProgress<'a> {
             nonfinite_pixel: 0,
             kept_nonfinite: 0,
             window: None,
+            team: None,
             log: ErrorLog::start(shared, job),
             layout: job.layout(),
             bar: job.options.progress_bar.then(ProgressBar::new),
@@ -391,6 +396,9 @@ impl<'a> FrameProgress<'a> {
         if let Some(window) = &mut self.window {
             window.wave_done(&state);
         }
+        if let Some((team, device)) = self.team {
+            team.wave_done(device, self.timings.paths);
+        }
         if let Some(bar) = &mut self.bar {
             bar.draw(&state);
         }
@@ -492,8 +500,16 @@ impl<'a> FrameProgress<'a> {
     /// said into errors: it is only on in tests.
     pub(crate) fn end(&mut self, gpu: &Gpu) {
         let memory = gpu.memory();
+        self.tell_end([memory.used, memory.peak, memory.budget]);
+        for message in gpu.take_validation_messages() {
+            self.shared.report(Severity::Error, format!("Vulkan validation: {message}"));
+        }
+    }
+
+    /// As [`Self::end`]; bytes of device memory that are used now, at most, and that may be.
+    fn tell_end(&mut self, memory: [u64; 3]) {
         let mut stats = lock(&self.shared.stats);
-        (stats.gpu_bytes, stats.gpu_peak_bytes, stats.gpu_budget_bytes) = (memory.used, memory.peak, memory.budget);
+        [stats.gpu_bytes, stats.gpu_peak_bytes, stats.gpu_budget_bytes] = memory;
         stats.host_peak_bytes = host_memory::peak();
         let usage = self.timings.add_to(RenderUsage::of(&stats));
         let nonfinite = stats.nonfinite_samples;
@@ -505,11 +521,10 @@ impl<'a> FrameProgress<'a> {
             }
         }
         drop(stats);
-        self.tell_nonfinite(nonfinite);
-        self.log.usage(self.shared, usage);
-        for message in gpu.take_validation_messages() {
-            self.shared.report(Severity::Error, format!("Vulkan validation: {message}"));
+        if self.team.is_none() {
+            self.tell_nonfinite(nonfinite);
         }
+        self.log.usage(self.shared, usage);
     }
 }
 

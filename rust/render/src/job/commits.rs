@@ -115,6 +115,7 @@ impl RenderAsk {
             fixed_host_bytes,
             goes_on,
             film_window: None,
+            team: None,
             generation,
         })
     }

@@ -40,6 +40,10 @@ pub struct PlantedFaults {
     pub failure: Option<PlantedFailure>,
     /// Loses so many devices one after the other, each after so many submissions, in the first render.
     pub lost_devices: [u32; 2],
+    /// A failure of one of several devices of a picture, by its number, or of each of them, in its first block.
+    pub team_failure: Option<(Option<u32>, PlantedFailure)>,
+    /// Of several devices, one by its number begins its second block when the others have ended so many.
+    pub slow_device: Option<[u32; 2]>,
     /// By what the sides of the first picture of an interactive render are divided; 1 = there is none; none = by the
     /// pace of the device.
     pub first_picture: Option<u32>,
@@ -49,6 +53,15 @@ pub struct PlantedFaults {
     pub film_window: Option<u32>,
     /// Milliseconds after which a wait for loads is told, in place of a minute; 0 = a minute.
     pub impatient_millis: u32,
+}
+
+impl PlantedFaults {
+    /// Leaves those of a block of a device, given by their numbers.
+    pub(crate) fn of_block(&mut self, (device, block): (usize, u32)) {
+        let strikes = |number: Option<u32>| block == 0 && number.is_none_or(|number| number as usize == device);
+        self.failure = self.team_failure.filter(|(number, _)| strikes(*number)).map(|(_, failure)| failure);
+        self.lost_devices = [0; 2];
+    }
 }
 
 /// Counters of a device when a render has ended, for tests.

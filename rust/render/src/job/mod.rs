@@ -19,6 +19,7 @@ pub(crate) mod shared;
 pub(crate) mod timings;
 pub(crate) mod window;
 
+use crate::host_memory::{self, HostMemoryUser};
 use crate::job::forced_features::ForcedFeatures;
 use crate::job::light_files::LightFiles;
 use crate::job::product::ProductFile;
@@ -28,7 +29,19 @@ use crate::textures::ImageLibrary;
 use oocpt_core::inventory::PrimvarUse;
 use oocpt_core::scene::{PrimNames, Snapshot};
 use oocpt_core::settings::Settings;
-use std::sync::Arc;
+use oocpt_film::ExactFilm;
+use std::sync::{Arc, Mutex};
+
+/// What the job of one of several devices knows of the picture that they render together.
+#[derive(Clone, Debug)]
+pub(crate) struct TeamWork {
+    /// Where the exact sums of its samples go.
+    pub(crate) film: Arc<Mutex<ExactFilm>>,
+    /// Logical devices of the same physical one that come before it.
+    pub(crate) twin: u32,
+    /// Number of the devices, which share host memory.
+    pub(crate) devices: u32,
+}
 
 /// A scene, a request and settings to render; immutable once posted.
 #[derive(Clone, Debug)]
@@ -55,11 +68,27 @@ pub(crate) struct RenderJob {
     pub(crate) goes_on: bool,
     /// It is one of several windows of a picture, the one that the request names.
     pub(crate) film_window: Option<FilmWindow>,
+    /// It renders some samples of a picture that several devices render.
+    pub(crate) team: Option<TeamWork>,
     /// The generation of `RenderControl` when the job was posted.
     pub(crate) generation: u64,
 }
 
 impl RenderJob {
+    /// Most bytes of a user of host memory that already holds `held`.
+    pub(crate) fn host_limit(&self, user: HostMemoryUser, held: u64) -> u64 {
+        host_memory::limit_of(user, &self.settings, held, self.fixed_host_bytes) / self.devices()
+    }
+
+    /// Most bytes of meshes in files that are read at a time.
+    pub(crate) fn reading_limit(&self) -> u64 {
+        host_memory::reading(&self.settings, self.fixed_host_bytes) / self.devices()
+    }
+
+    fn devices(&self) -> u64 {
+        self.team.as_ref().map_or(1, |team| team.devices.max(1).into())
+    }
+
     /// Where the pixels of its film go in the images.
     pub(crate) fn layout(&self) -> PictureLayout {
         self.request.layout().of_window(self.film_window)

@@ -72,6 +72,11 @@ pub struct ProductVar {
     pub naming: Option<Arc<NamingPrimvar>>,
 }
 
+/// A setting of a var or a product under one of its names.
+pub(crate) fn setting<'a>(settings: &'a [(String, String)], names: &[&str]) -> Option<&'a str> {
+    names.iter().find_map(|name| settings.iter().find(|(key, _)| key == name)).map(|(_, value)| value.trim())
+}
+
 impl FileChannel {
     /// The part of a file of several parts that it is in: its layer.
     pub(crate) fn part(&self) -> &str {

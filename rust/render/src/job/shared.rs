@@ -34,6 +34,8 @@ pub(crate) struct SharedState {
     pub(crate) denoiser: Mutex<SessionDenoiser>,
     /// The user was told that a live view keeps no samples in files.
     pub(crate) told_of_live_views: AtomicBool,
+    /// The user was told that a live view is rendered on one device.
+    pub(crate) told_of_devices: AtomicBool,
     /// Somebody asks for a checkpoint of the render under way.
     pub(crate) wants_checkpoint: AtomicBool,
     /// The last records that moved were placed by the device, in core.

@@ -82,7 +82,8 @@ pub(super) fn windows(job: &RenderJob, gpu: &Gpu, share: FilmShare) -> Vec<FilmW
     let (settings, part) = (&job.settings, job.request.part());
     let whole = || FilmWindow::cut(part, u64::MAX);
     // The part of a film and the report of the chunks are files of the whole picture.
-    if settings.interactive || !settings.film_part.is_empty() || !settings.chunk_report.is_empty() {
+    let is_part = !settings.film_part.is_empty() || job.team.is_some();
+    if settings.interactive || is_part || !settings.chunk_report.is_empty() {
         return whole();
     }
     #[cfg(feature = "faults")]

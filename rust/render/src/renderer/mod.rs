@@ -21,7 +21,7 @@ use crate::frame::in_flight;
 use crate::frame::kept_samples::KeptSamples;
 use crate::frame::progress::FrameProgress;
 use crate::frame::view::CameraView;
-use crate::host_memory::{self, HostMemoryUser};
+use crate::host_memory::HostMemoryUser;
 use crate::job::RenderJob;
 use crate::job::request::Severity;
 use crate::job::shared::FrameGate;
@@ -56,7 +56,7 @@ fn limit_mapped_tiles(context: &FrameContext<'_>, scene: &DeviceScene) -> Result
     if scene.maps_tiles && scene.assets.tile_bytes > 0 {
         let heap = device.host_heap()?;
         let held = heap.stats().arena_bytes + heap.stats().dedicated_bytes;
-        let limit = host_memory::limit_of(HostMemoryUser::Encoded, &job.settings, held, job.fixed_host_bytes);
+        let limit = job.host_limit(HostMemoryUser::Encoded, held);
         heap.set_limit(Some(limit));
     }
     Ok(())
@@ -68,7 +68,7 @@ fn limit_shapes(job: &RenderJob, scene: &DeviceScene) {
     if scene.assets.shapes().next().is_none() {
         return shapes.limit(0);
     }
-    let encoded = host_memory::limit_of(HostMemoryUser::Encoded, &job.settings, shapes.bytes(), job.fixed_host_bytes);
+    let encoded = job.host_limit(HostMemoryUser::Encoded, shapes.bytes());
     shapes.limit(encoded / SHAPES_SHARE);
 }
 
@@ -129,6 +129,17 @@ impl Renderer {
         }
     }
 
+    /// Renders samples of a picture that several devices render: `job` has [`RenderJob::team`]. A device that is lost
+    /// is an error.
+    pub(crate) fn render_team_block(
+        &mut self,
+        job: &RenderJob,
+        gate: &FrameGate<'_>,
+        progress: &mut FrameProgress<'_>,
+    ) -> Result<(), RenderError> {
+        self.render_once(job, gate, progress, u32::MAX)
+    }
+
     /// Renders as [`Self::render`] does, after the loss of so many devices. On running out of memory, frees everything
     /// that is held and tries once more with as little as possible.
     fn render_once(
@@ -141,7 +152,7 @@ impl Renderer {
         let device = self.open(job)?;
         *lock(&gate.shared().device) = Some(device.gpu.report().clone());
         progress.device_opened(job);
-        device.reading.set_limit(host_memory::reading(&job.settings, job.fixed_host_bytes));
+        device.reading.set_limit(job.reading_limit());
         #[cfg(feature = "faults")]
         if let Some(failure) = job.options.faults.failure.filter(|_| job.generation == 1) {
             device.gpu.plant_failure(failure);
@@ -234,7 +245,7 @@ impl Renderer {
             tables: &tables,
             carry,
             allowed_by_lights: lights.carried,
-            pace: self.first_pictures.pace.rate().filter(|_| job.settings.interactive),
+            pace: self.first_pictures.pace.rate().filter(|_| job.settings.interactive || job.team.is_some()),
             is_frugal: self.is_frugal,
             has_outgrown: self.outgrown.as_ref().is_some_and(|snapshot| Arc::ptr_eq(snapshot, &job.snapshot)),
         };
@@ -560,6 +571,7 @@ impl Renderer {
     fn open(&mut self, job: &RenderJob) -> Result<Arc<Device>, RenderError> {
         let options = DeviceOptions {
             selector: job.settings.device.clone(),
+            twin: job.team.as_ref().map_or(0, |team| team.twin),
             validation: job.options.validation,
             budget_mib: job.settings.memory_budget_mib,
             pipeline_cache: pipeline_folder(&job.settings.pipeline_cache),

@@ -9,7 +9,8 @@ const SHARE: f64 = 0.5;
 /// One pixel in so many may be among the few.
 const ONE_IN: u64 = 1000;
 
-/// Samples, seconds, relMSE with its 95 % interval, peak of the device memory, loads, and the windows of the film.
+/// Samples, seconds, relMSE with its 95 % interval, peak of the device memory, loads, the windows of the film, and
+/// the devices of a picture that several render.
 pub(crate) fn line(stats: &RenderStats) -> String {
     let estimate = stats.error.as_ref().and_then(|row| row.estimate);
     let error = estimate.map_or_else(
@@ -24,11 +25,16 @@ pub(crate) fn line(stats: &RenderStats) -> String {
         0 => String::new(),
         windows => format!(", the film in {windows} windows"),
     };
+    let samples: Vec<String> = stats.devices.iter().map(|device| device.samples.to_string()).collect();
+    let devices = match &*samples {
+        [] => String::new(),
+        samples => format!(", on {} devices ({} samples)", samples.len(), samples.join(", ")),
+    };
     let denoised = stats.denoised.as_ref();
     let denoised =
         denoised.map_or_else(String::new, |usage| format!(", denoised in {:.1} s by {}", usage.seconds, usage.by));
     format!(
-        "{} samples, {:.1} s, {error}, {} of device memory, {loads}{windows}{denoised}",
+        "{} samples, {:.1} s, {error}, {} of device memory, {loads}{windows}{devices}{denoised}",
         stats.samples_completed,
         stats.seconds_total,
         bytes(stats.gpu_peak_bytes)

@@ -7,27 +7,27 @@
 use crate::error::RenderError;
 use crate::job::RenderJob;
 use crate::job::shared::{FrameGate, SharedState};
-use crate::renderer::Renderer;
 use crate::session::commit::panic_text;
 use crate::session::products;
+use crate::team::RenderTeam;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::time::Instant;
 
 /// Runs until the session ends.
 pub(crate) fn run(shared: &SharedState) {
-    let mut renderer = Renderer::default();
+    let mut renderer = RenderTeam::default();
     while let Some((job, generation)) = next_job(shared) {
         let gate = FrameGate::new(shared, generation);
         match catch_unwind(AssertUnwindSafe(|| renderer.render(&job, &gate))) {
             Ok(Ok(())) => write_products(&job, shared),
             Ok(Err(error)) => {
                 shared.fail(&error);
-                renderer = Renderer::default();
+                renderer = RenderTeam::default();
             }
             Err(panic) => {
                 shared.fail(&RenderError::Internal(panic_text(panic.as_ref())));
-                renderer = Renderer::default();
+                renderer = RenderTeam::default();
             }
         }
         let mut control = shared.control();

@@ -40,7 +40,7 @@ use crate::frame::context::{
 use crate::frame::in_core::{LEFT_BY_WAVES, roomy_waves};
 use crate::frame::progress::FrameProgress;
 use crate::frame::specialise;
-use crate::host_memory::{self, HostMemoryUser};
+use crate::host_memory::HostMemoryUser;
 use crate::job::RenderJob;
 use crate::job::shared::FrameGate;
 use crate::job::timings::LeftMoment;
@@ -232,7 +232,7 @@ fn make_buffers(
     if capacity * slot_bytes + beside > unused(device.gpu.memory()) {
         scene.clear(device)?;
     }
-    let host_bytes = host_memory::limit_of(HostMemoryUser::EndedPaths, &job.settings, 0, job.fixed_host_bytes);
+    let host_bytes = job.host_limit(HostMemoryUser::EndedPaths, 0);
     *kept = Some(shrinking(capacity, MIN_PATHS, |capacity| {
         StreamBuffers::new(&device.gpu, capacity, ((wanted, paths), host_bytes), needs)
     })?);
@@ -291,14 +291,14 @@ fn host_share(
         scene.unmap(device, false);
         let (kept, shapes) = (scene.store.kept(), scene.store.shapes().bytes());
         let held = kept.bytes() + shapes;
-        let limit = host_memory::limit_of(HostMemoryUser::Encoded, &job.settings, held, job.fixed_host_bytes);
+        let limit = job.host_limit(HostMemoryUser::Encoded, held);
         kept.limit(limit.saturating_sub(shapes));
         return Ok(None);
     }
     let heap = device.host_heap()?.stats();
     let shapes = scene.store.shapes().bytes();
     let held = heap.arena_bytes + heap.dedicated_bytes + scene.store.kept().bytes() + shapes;
-    let limit = host_memory::limit_of(HostMemoryUser::Encoded, &job.settings, held, job.fixed_host_bytes);
+    let limit = job.host_limit(HostMemoryUser::Encoded, held);
     let limit = limit.saturating_sub(shapes);
     let mapped = bytes_with_gaps(scene.assets.bytes, scene.assets.largest_bytes).min(limit);
     scene.store.kept().limit(limit - mapped);

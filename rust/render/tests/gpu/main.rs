@@ -43,6 +43,7 @@ mod ranked_ids;
 mod refitted;
 mod sample_counts;
 mod scenes;
+mod several_devices;
 mod shadows;
 mod streaming;
 mod support;

@@ -199,6 +199,18 @@ fn the_same_scene_has_the_same_identity_wherever_its_files_and_arrays_are() {
 }
 
 #[test]
+fn the_light_at_the_camera_is_the_same_in_every_process() {
+    let at_camera = |path: &str| {
+        let kind = LightKind::Distant { angle_degrees: 0.5 };
+        with(|db| db.upsert_light(LightDesc { prim: prim(path), kind, ..LightDesc::default() }))
+    };
+    let one = at_camera("/_UsdImaging_HdOocPTRendererPlugin_0x2905ccb8/lights/light_0");
+    assert_eq!(at_camera("/_UsdImaging_HdOocPTRendererPlugin_0x41c3db58/lights/light_0"), one, "another address");
+    assert_ne!(at_camera("/_UsdImaging_HdOocPTRendererPlugin_0x41c3db58/lights/light_1"), one, "another light");
+    assert_ne!(at_camera("/world_0x2905ccb8/light_0"), at_camera("/world_0x41c3db58/light_0"), "paths of the scene");
+}
+
+#[test]
 fn prims_that_are_hidden_and_stay_so_do_not_count() {
     let mut hidden = grid("/proxy", 3);
     hidden.prim.purpose = "proxy".into();

@@ -5,7 +5,7 @@ use super::{cryptomatte, sources};
 use crate::job::aov::AovKind;
 use crate::job::deep::DeepLimits;
 use crate::job::expression::has_paths;
-use crate::job::product::{CryptomatteKind, DeepPart, FileChannel, MatteLayer, ProductVar, SampleFormat};
+use crate::job::product::{CryptomatteKind, DeepPart, FileChannel, MatteLayer, ProductVar, SampleFormat, setting};
 
 /// What a user should know of a var that is there.
 pub(super) fn remark_of_names(var: &ProductVar) -> Option<String> {
@@ -18,11 +18,6 @@ pub(super) fn remark_of_names(var: &ProductVar) -> Option<String> {
 pub(super) fn remark(channel: &FileChannel) -> Option<String> {
     let expression = channel.kind.expression().filter(|_| channel.component == 0)?;
     (!has_paths(expression)).then(|| format!("is black: no light path is of {}", expression.text()))
-}
-
-/// A setting of a var or a product under one of its names.
-pub(super) fn setting<'a>(settings: &'a [(String, String)], names: &[&str]) -> Option<&'a str> {
-    names.iter().find_map(|name| settings.iter().find(|(key, _)| key == name)).map(|(_, value)| value.trim())
 }
 
 /// Components of a data type, and the format of its numbers.

@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! What the settings of a product say of its file: tiles, parts, and attributes of the scene's for the header. Pure.
 
-use super::channels::setting;
-use crate::job::product::{FileStorage, HeaderValue, RenderProduct};
+use crate::job::product::{FileStorage, HeaderValue, RenderProduct, setting};
 
 /// Most attributes of a scene's in a header.
 const MAX_ATTRIBUTES: usize = 64;

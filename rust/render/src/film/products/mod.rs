@@ -17,5 +17,5 @@ mod times;
 
 pub(crate) use file::write;
 pub(crate) use plan::{ProductPlan, add_kinds, plan};
-pub(crate) use times::times;
 pub use sources::{naming_primvar, unknown_aov};
+pub(crate) use times::times;

@@ -6,7 +6,7 @@ use crate::job::aov::{AovKind, AovRequest};
 use crate::job::deep::DeepLimits;
 use crate::job::expression::{ExpressionId, fit_together};
 use crate::job::product::{
-    FileChannel, FileCompression, FileTimes, ProductFile, ProductPicture, ProductVar, RenderProduct,
+    FileChannel, FileCompression, FileTimes, ProductFile, ProductPicture, ProductVar, RenderProduct, setting,
 };
 use crate::job::request::RenderRequest;
 use oocpt_abi::MAX_SHOWN_PRIMVARS;
@@ -19,6 +19,8 @@ const MAX_PRODUCTS: usize = 256;
 const MAX_CHANNELS: usize = 1024;
 /// Most bytes of a file's name.
 const MAX_NAME_BYTES: usize = 4096;
+/// Ratios that readers of `OpenEXR` take.
+const PIXEL_ASPECTS: std::ops::RangeInclusive<f32> = 1e-6..=1e6;
 /// Most characters of a warning, which may quote what a scene says.
 const MAX_WARNING: usize = 400;
 
@@ -96,7 +98,7 @@ fn file_of(
     (taken, parts): (&[PathBuf], &mut PlannedParts),
     warnings: &mut Vec<String>,
 ) -> Result<ProductFile, String> {
-    let has_deep_driver = channels::setting(&product.settings, &["arnold:driver"]) == Some("driver_deepexr");
+    let has_deep_driver = setting(&product.settings, &["arnold:driver"]) == Some("driver_deepexr");
     let deep = match &*product.kind {
         // Arnold's users also write the name of the renderer.
         "" | "raster" | "arnold" if !has_deep_driver => None,
@@ -114,8 +116,8 @@ fn file_of(
     if let Some(picture) = &product.picture {
         picture.validate().map_err(|error| error.to_string())?;
     }
-    if !(product.pixel_aspect.is_finite() && product.pixel_aspect > 0.0) {
-        return Err("its pixelAspectRatio is not a positive number".to_owned());
+    if !PIXEL_ASPECTS.contains(&product.pixel_aspect) {
+        return Err("its pixelAspectRatio is not from 1e-6 to 1e6".to_owned());
     }
     let mut channels = channels_of(product, (deep, parts), warnings)?;
     if let Some(limits) = deep {
@@ -124,7 +126,7 @@ fn file_of(
     let mut compression = compression_of(product, warnings);
     if deep.is_some() && !compression.is_of_deep_images() {
         // Without a word where nobody asked: zip is what is used where nothing is said.
-        if channels::setting(&product.settings, &COMPRESSION).is_some() {
+        if setting(&product.settings, &COMPRESSION).is_some() {
             warnings.push(format!("{}: deep images are compressed by none or zips; zips is used", product.prim));
         }
         compression = FileCompression::Zips;
@@ -146,7 +148,7 @@ fn file_of(
         display_size: product.display_size,
         data_corner: product.data_corner,
         times: FileTimes { frame: product.frame, rate: product.rate, shutter: product.shutter },
-        is_temporary: channels::setting(&product.settings, &["oocpt:temporary"]) == Some("true"),
+        is_temporary: setting(&product.settings, &["oocpt:temporary"]) == Some("true"),
     })
 }
 
@@ -224,7 +226,7 @@ fn channels_of(
 fn deep_limits(product: &RenderProduct, warnings: &mut Vec<String>) -> DeepLimits {
     let mut limits = DeepLimits::default();
     let mut take = |name: &str, of: &dyn Fn(DeepLimits, f32) -> Option<DeepLimits>| {
-        let Some(text) = channels::setting(&product.settings, &[name]) else { return };
+        let Some(text) = setting(&product.settings, &[name]) else { return };
         match text.parse().ok().and_then(|number| of(limits, number)) {
             Some(changed) => limits = changed,
             None => warnings.push(format!("{}: {name} cannot be {text}; it is left out", product.prim)),
@@ -255,7 +257,7 @@ const COMPRESSION: [&str; 4] = [
 ];
 
 fn compression_of(product: &RenderProduct, warnings: &mut Vec<String>) -> FileCompression {
-    let Some(name) = channels::setting(&product.settings, &COMPRESSION) else { return FileCompression::Zip };
+    let Some(name) = setting(&product.settings, &COMPRESSION) else { return FileCompression::Zip };
     // OpenImageIO's names may have a level behind a colon.
     match name.split(':').next().unwrap_or(name).to_lowercase().as_str() {
         "none" | "" => FileCompression::None,
@@ -481,7 +483,7 @@ mod tests {
             settings,
             numbers,
             color_space,
-            pixel_aspect: [1.0, 2.5, -1.0, f32::NAN, 1e-3][next(random, 5)],
+            pixel_aspect: [1.0, 2.5, -1.0, f32::NAN, 1e30][next(random, 5)],
             display_size: [sides[next(random, 5)], sides[next(random, 5)]],
             data_corner: [i32::MIN, i32::MAX],
             frame: [None, Some(f64::MAX), Some(-3.0)][next(random, 3)],

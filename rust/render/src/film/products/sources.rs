@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Names of the sources of render vars, as users of hdPrman, Karma and Arnold write them. Pure.
 
-use super::channels::setting;
 use crate::job::aov::AovKind;
 use crate::job::expression::ExpressionId;
 use crate::job::primvar::PrimvarImage;
-use crate::job::product::{CryptomatteKind, ProductVar};
+use crate::job::product::{CryptomatteKind, ProductVar, setting};
 
 /// A source and the names that it goes by.
 #[derive(Clone, Copy)]

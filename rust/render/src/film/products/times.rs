@@ -9,7 +9,8 @@ use exr::prelude::{ImageAttributes, LayerAttributes};
 /// Attributes of OocPT.
 pub(crate) fn times(file: &ProductFile) -> PictureAttributes {
     let FileTimes { frame, rate, shutter: [open, close] } = file.times;
-    let shutter = [("shutterOpen", open), ("shutterClose", close)].map(|(name, at)| (open < close).then_some((name, at)));
+    let shutter =
+        [("shutterOpen", open), ("shutterClose", close)].map(|(name, at)| (open < close).then_some((name, at)));
     let rate = rate.map(|rate| ("timeCodesPerSecond", rate));
     let numbers = frame.map(|frame| ("frame", frame)).into_iter().chain(rate).chain(shutter.into_iter().flatten());
     numbers.map(|(name, number)| (name.to_owned(), PictureAttribute::Number(number))).collect()

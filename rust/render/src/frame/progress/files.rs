@@ -72,6 +72,7 @@ impl FrameProgress<'_> {
     /// Begins with the first sample of the span that `job` asks for, and a part of a film if the film has sums for it.
     pub(crate) fn begin_part(&mut self, job: &RenderJob, gpu: &Arc<Gpu>, film: &Film) -> Result<(), RenderError> {
         let Some(records) = film.records() else { return Ok(()) };
+        self.part = None; // of an attempt before this one: its last samples are in the film
         self.part = film.has_exact_sums().then(|| FilmPart::new(job, gpu)).transpose()?;
         self.first_sample = self.part.as_ref().map_or(job.settings.span.begin, FilmPart::begin);
         if self.first_sample > 0 {
@@ -89,7 +90,7 @@ impl FrameProgress<'_> {
         part.take(film, end)?;
         if part.is_due() {
             // What is not finite is counted at the end of this process: a few more or less change no sample.
-            part.write(self.shared, 0);
+            part.write(self.shared, 0)?;
         }
         Ok(())
     }
@@ -101,7 +102,7 @@ impl FrameProgress<'_> {
             part.take(film, self.samples_done())?;
         }
         let nonfinite = lock(&self.shared.stats).nonfinite_samples;
-        part.write(self.shared, nonfinite);
+        part.write(self.shared, nonfinite)?;
         part.tell(self.shared);
         Ok(())
     }

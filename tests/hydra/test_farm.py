@@ -1,0 +1,146 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Farms: what the job template and the array script start, killed and started again, gives the bits of one process."""
+
+import os
+import pathlib
+import re
+import signal
+import stat
+import subprocess
+import sys
+import time
+
+import pytest
+
+import compare
+import exr
+import small
+
+FARM = pathlib.Path(__file__).resolve().parents[2] / "plugin/farm"
+sys.path.insert(0, str(FARM))
+import oocpt_farm  # noqa: E402  beside the template
+
+SCENE = small.FOLDER / "nested.usda"
+SAMPLES, BLOCKS = 1024, 3
+WHERE = ("--frame", 1, "--samples", SAMPLES, "--blocks", BLOCKS)
+VIEW = ("--camera", "/World/Camera", "--width", 48)
+
+
+@pytest.fixture
+def variables(tmp_path):
+    """The environment of a worker, with commands of a scheduler that write down what they are asked."""
+    folder = tmp_path / "bin"
+    folder.mkdir()
+    (folder / "oocpt").symlink_to(os.environ["OOCPT_CLI"])
+    for name, answer in (("sbatch", "7"), ("scontrol", "")):
+        script = folder / name
+        script.write_text(f'#!/bin/sh\necho "{name} $*" >> "{tmp_path}/asked"\necho {answer}\n', encoding="utf-8")
+        script.chmod(script.stat().st_mode | stat.S_IXUSR)
+    path = f"{folder}{os.pathsep}{os.environ['PATH']}"
+    variables = dict(os.environ, PATH=path, OOCPT_MAX_BOUNCES="2", OOCPT_CHECKPOINT_INTERVAL="0")
+    variables.pop("PYTHONPATH", None)
+    return variables
+
+
+def start(line, variables):
+    return subprocess.Popen(
+        list(map(str, line)), env=variables, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT, text=True, start_new_session=True,
+    )  # fmt: skip
+
+
+def part(folder, block, variables, *flags):
+    program = [sys.executable, FARM / "oocpt_farm.py", "part", "--scene", SCENE, "--folder", folder, *WHERE, *VIEW]
+    return start([*program, "--block", block, *flags, "--", "--disableCameraLight"], variables)
+
+
+def ends(process, status=0):
+    said = process.communicate(timeout=300)[0]
+    assert process.returncode == status, said
+    return said
+
+
+def has_begun(folder, process):
+    end = time.monotonic() + 120
+    while not list(folder.glob("frame.0001/*.film")):
+        assert process.poll() is None and time.monotonic() < end, process.communicate()[0]
+        time.sleep(0.01)
+
+
+def test_blocks_have_each_sample_once():
+    for samples, blocks in ((1024, 16), (10, 3), (3, 10), (1, 1)):
+        spans = [oocpt_farm.span((block, block), samples, blocks) for block in range(1, blocks + 1)]
+        assert spans[0][0] == 0 and spans[-1][1] == samples, spans
+        assert all(one[1] == other[0] for one, other in zip(spans, spans[1:])), spans
+    assert oocpt_farm.span((2, 3), 1024, 16) == (64, 192), "a run of blocks is one part"
+    assert [oocpt_farm.blocks(text) for text in ("3", "3-5", "3,4,5")] == [(3, 3), (3, 5), (3, 5)]
+    for wrong in ("", "3-", "5-3", "1,3", "x", "-1", "1-9999999999"):
+        with pytest.raises(oocpt_farm.argparse.ArgumentTypeError):
+            oocpt_farm.blocks(wrong)
+    for wrong in ((0, 1), (4, 9)):
+        with pytest.raises(SystemExit):
+            oocpt_farm.span(wrong, 64, 8)
+
+
+def test_the_template_starts_what_the_program_takes():
+    """Each step's words, with numbers where parameters are."""
+    text = (FARM / "render.template.yaml").read_text(encoding="utf-8")
+    steps = re.findall(r"- (part|picture)\n((?: +- \"--.*\"\n)+)", text)
+    assert [name for name, _ in steps] == ["part", "picture"]
+    for name, words in steps:
+        line = [re.sub(r"{{[^}]*}}", "1", word) for word in re.findall(r"- \"(.*)\"", words)]
+        arguments = oocpt_farm.parser().parse_args([name, *line])
+        assert (arguments.frame, arguments.samples, arguments.blocks) == (1, 1, 1), arguments
+
+
+def test_killed_tasks_give_the_bits_of_one_process(tmp_path, variables):
+    """One is told to end, one is killed without a word, one runs; the last takes what the others left."""
+    folder = tmp_path / "parts"
+    told = part(folder, 1, variables)
+    has_begun(folder, told)
+    told.send_signal(signal.SIGTERM)
+    said = ends(told, oocpt_farm.TRY_AGAIN)
+    assert "are not all there" in said, said
+    killed = part(folder, "2-3", variables)
+    while len(list(folder.glob("frame.0001/*.film"))) < 2:
+        assert killed.poll() is None, killed.communicate()[0]
+        time.sleep(0.01)
+    os.killpg(killed.pid, signal.SIGKILL)
+    killed.communicate()
+    out = tmp_path / "picture.%04d.exr"
+    words = [sys.executable, FARM / "oocpt_farm.py", "picture", "--folder", folder, *WHERE, "--out", out]
+    assert "is missing" in ends(start(words, variables), 1), "not yet"
+    for block in (1, "2-3"):
+        said = ends(part(folder, block, variables))
+        assert "openjd_progress: 100" in said, said
+    assert "is there" in ends(part(folder, 1, variables)), "a whole part is not rendered again"
+    ends(start(words, variables))
+    whole = [sys.executable, FARM / "oocpt_farm.py", "part", "--scene", SCENE, "--folder", tmp_path / "whole", *VIEW]
+    whole += ["--frame", 1, "--samples", SAMPLES, "--block", 1, "--", "--disableCameraLight"]
+    ends(start(whole, variables))
+    alone = [*words[:4], tmp_path / "whole", *WHERE, "--out", tmp_path / "alone.exr"]
+    ends(start(alone, variables))
+    compare.same_bits(exr.read(tmp_path / "picture.0001.exr"), exr.read(tmp_path / "alone.exr"), "parts")
+
+
+def test_the_array_of_slurm_requeues_what_is_preempted(tmp_path, variables):
+    """With commands that only write down what they are asked."""
+    folder = tmp_path / "parts"
+    variables |= {"SCENE": str(SCENE), "FOLDER": str(folder), "FRAME": "1", "SAMPLES": str(SAMPLES), "BLOCKS": "1"}
+    variables |= {"CAMERA": "/World/Camera", "WIDTH": "48", "FLAGS": "--disableCameraLight", "SBATCH": "--gres=gpu:1"}
+    script = FARM / "slurm_array.sh"
+    asked = tmp_path / "asked"
+    ends(start(["sh", script], variables))
+    first, second = asked.read_text(encoding="utf-8").splitlines()
+    assert first == f"sbatch --parsable --gres=gpu:1 --array=1-1 {script}", first
+    assert second == f"sbatch --parsable --gres=gpu:1 --dependency=afterok:7 {script}", second
+    task = variables | {"SLURM_JOB_ID": "9", "SLURM_ARRAY_JOB_ID": "7", "SLURM_ARRAY_TASK_ID": "1"}
+    preempted = start(["sh", script], task)
+    has_begun(folder, preempted)
+    preempted.send_signal(signal.SIGTERM)
+    ends(preempted, oocpt_farm.TRY_AGAIN)
+    assert asked.read_text(encoding="utf-8").splitlines()[2:] == ["scontrol requeue 7_1"]
+    ends(start(["sh", script], task))
+    ends(start(["sh", script], variables | {"SLURM_JOB_ID": "10"}))
+    assert exr.read(folder / "frame.0001.exr").shape[1] == 48, "the picture"
+    assert len(asked.read_text(encoding="utf-8").splitlines()) == 3, "nothing else was asked"
