@@ -39,6 +39,8 @@ pub(crate) struct Chart {
     pub(crate) curves: Vec<ChartCurve>,
     pub(crate) x_title: &'static str,
     pub(crate) y_title: &'static str,
+    /// The names are in the lower right corner, not in the upper one.
+    pub(crate) is_named_below: bool,
 }
 
 /// Values that a chart can have: powers of ten beyond them are not finite, or zero.
@@ -126,9 +128,10 @@ impl Chart {
                     PathElement::new([(p[0], p[2].clamp(low, high)), (p[0], p[3].clamp(low, high))], color)
                 }))?;
         }
+        let names = if self.is_named_below { SeriesLabelPosition::LowerRight } else { SeriesLabelPosition::UpperRight };
         chart
             .configure_series_labels()
-            .position(SeriesLabelPosition::UpperRight)
+            .position(names)
             .label_font((FONT, 13, &INK))
             .background_style(PAPER.mix(0.8))
             .draw()?;

@@ -66,7 +66,7 @@ pub(super) fn chart<'a>(reports: impl Iterator<Item = (&'a str, &'a [ErrorRow])>
             curves.push(ChartCurve { name, points: ideal.to_vec(), is_dashed: true, color_of: 1 });
         }
     }
-    Chart { curves, x_title: "seconds tracing", y_title: "relMSE" }
+    Chart { curves, x_title: "seconds tracing", y_title: "relMSE", is_named_below: false }
 }
 
 /// Seconds at which the error falls to `target` for good, interpolated linearly in the logarithms between two rows;

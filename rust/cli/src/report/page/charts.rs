@@ -40,7 +40,7 @@ pub(super) fn memory(reports: &[PageReport]) -> Result<Option<String>> {
             }
         }
     }
-    let chart = Chart { curves, x_title: "seconds tracing", y_title: "MiB" };
+    let chart = Chart { curves, x_title: "seconds tracing", y_title: "MiB", is_named_below: true };
     if chart.curves.is_empty() { Ok(None) } else { themed(&chart).map(Some) }
 }
 
