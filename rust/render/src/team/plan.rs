@@ -84,7 +84,7 @@ impl<'a> TeamPlan<'a> {
                 queue = self.changed.wait(queue).unwrap_or_else(PoisonError::into_inner);
                 continue;
             }
-            match queue.next(number, secs) {
+            match queue.next(number, self.progress.seconds(), secs) {
                 NextBlock::Render(block) => return Some(block),
                 NextBlock::Done => return None,
                 NextBlock::Wait => queue = self.changed.wait(queue).unwrap_or_else(PoisonError::into_inner),
