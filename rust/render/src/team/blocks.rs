@@ -225,8 +225,8 @@ mod tests {
             let NextBlock::Render(block) = queue.next(device, 0.0, None) else { panic!("all is left") };
             queue.done(device, block, f64::from(block.samples()) / 100.0);
         }
-        // 896 samples are left, half of them for each.
-        assert_eq!(queue.next(0, 1.0, None), NextBlock::Render(range(128, 464)), "three quarters of its half");
+        // 900 samples are left, half of them for each.
+        assert_eq!(queue.next(0, 1.0, None), NextBlock::Render(range(124, 462)), "three quarters of its half");
         let mut late = BlockQueue::new(vec![range(0, 1000)], u32::MAX, 1);
         assert_eq!(late.next(0, 0.0, Some(10.0)), NextBlock::Render(range(0, 4)), "few while its speed is not known");
     }
