@@ -31,8 +31,9 @@ use std::time::{Duration, Instant};
 /// Temporary files of processes that were killed are removed after so long without a change.
 pub(crate) const STALE: Duration = Duration::from_secs(600);
 
-/// What forbids that samples with these settings merge, in words.
-pub(crate) fn obstacle(settings: &Settings) -> Option<&'static str> {
+/// What forbids that samples of a job merge, in words.
+pub(crate) fn obstacle(job: &RenderJob) -> Option<&'static str> {
+    let settings = &job.settings;
     if settings.interactive {
         Some("a render that shows images on the way makes no part of a film")
     } else if settings.adaptive_sampling {
@@ -53,7 +54,7 @@ pub(crate) fn makes_part(shared: &SharedState, job: &RenderJob) -> bool {
     if job.settings.film_part.is_empty() {
         return job.team.is_some();
     }
-    let obstacle = obstacle(&job.settings);
+    let obstacle = obstacle(job);
     if let Some(obstacle) = obstacle {
         // A live view renders anew with each edit.
         if !job.settings.interactive || !shared.told_of_live_views.swap(true, Ordering::Relaxed) {

@@ -40,7 +40,7 @@ impl RenderTeam {
         }
         let selector = (!settings.device.is_empty()).then_some(&*settings.device);
         let devices = devices_together(&settings.devices, selector)?;
-        if let Some(text) = obstacle(settings).map(str::to_owned).or_else(|| image_obstacle(job)) {
+        if let Some(text) = obstacle(job).map(str::to_owned).or_else(|| image_obstacle(job)) {
             let device = devices.first().map_or_else(String::new, |device| device.index.to_string());
             tell_obstacle(gate.shared(), settings, &text);
             let settings = Settings { device, devices: String::new(), ..settings.clone() };
