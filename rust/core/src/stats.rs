@@ -138,6 +138,12 @@ pub struct ErrorRow {
     pub worst: Vec<WorstPixel>,
     /// Bytes of geometry and textures sent to the device so far while rendering.
     pub bytes_paged: u64,
+    /// Device memory in use, bytes; 0 in reports of older versions.
+    #[serde(default)]
+    pub gpu_bytes: u64,
+    /// Maximum of the memory that the process has held so far, bytes ([`RenderStats::host_peak_bytes`]).
+    #[serde(default)]
+    pub host_peak_bytes: u64,
     /// Error against the reference, if there is one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub truth: Option<TrueError>,

@@ -81,7 +81,11 @@ enum XtaskCommand {
         fast: bool,
     },
     /// Generate the tables of the documents, check links and paths, build the book into `target/book`
-    Book,
+    Book {
+        /// Show it in the browser
+        #[arg(long)]
+        open: bool,
+    },
     /// Render the gallery's scenes and put them on one sheet, `build/gallery/gallery.jpg`
     #[command(disable_help_flag = true)]
     Gallery {
@@ -141,7 +145,7 @@ fn perform(task: XtaskCommand) -> Result<()> {
             system::prepare(system::NeededFor::Check)?;
             check::run_all(&places, if fast { check::CheckDepth::Text } else { check::CheckDepth::Compiled })
         }
-        XtaskCommand::Book => book::make(&places),
+        XtaskCommand::Book { open } => book::make(&places, open),
         XtaskCommand::Gallery { arguments } => {
             build(&places)?;
             picture::gallery(&places, &arguments)

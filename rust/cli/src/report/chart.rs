@@ -8,11 +8,11 @@ use plotters::coord::Shift;
 use plotters::prelude::*;
 
 const SIZE: (u32, u32) = (860, 520);
-const PAPER: RGBColor = RGBColor(20, 20, 26);
-const GRID: RGBColor = RGBColor(51, 51, 61);
-const INK: RGBColor = RGBColor(230, 230, 230);
+pub(super) const PAPER: RGBColor = RGBColor(20, 20, 26);
+pub(super) const GRID: RGBColor = RGBColor(51, 51, 61);
+pub(super) const INK: RGBColor = RGBColor(230, 230, 230);
 /// Colours that most eyes can tell apart (Okabe and Ito 2008).
-const COLORS: [RGBColor; 6] = [
+pub(super) const COLORS: [RGBColor; 6] = [
     RGBColor(86, 180, 233),
     RGBColor(230, 159, 0),
     RGBColor(0, 158, 115),
@@ -41,10 +41,13 @@ pub(crate) struct Chart {
     pub(crate) y_title: &'static str,
 }
 
+/// Values that a chart can have: powers of ten beyond them are not finite, or zero.
+const VALUES: std::ops::Range<f64> = 1e-90..1e90;
+
 /// The powers of ten that hold all values, as exponents.
 fn decades(values: impl Iterator<Item = f64>) -> (f64, f64) {
     let (low, high) = values
-        .filter(|v| v.is_finite() && *v > 0.0)
+        .filter(|v| VALUES.contains(v))
         .map(f64::log10)
         .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
     if low > high {
@@ -104,7 +107,8 @@ impl Chart {
             .draw()?;
         for (number, curve) in self.curves.iter().enumerate() {
             let color = COLORS[number.saturating_sub(curve.color_of) % COLORS.len()];
-            let points: Vec<&[f64; 4]> = curve.points.iter().filter(|p| p[0] > 0.0 && p[1] > 0.0).collect();
+            let points: Vec<&[f64; 4]> =
+                curve.points.iter().filter(|p| p[..2].iter().all(|v| VALUES.contains(v))).collect();
             let series = if curve.is_dashed {
                 // The ideal line reaches far beyond the chart.
                 let logs = |p: &[f64; 4]| [p[0].log10(), p[1].log10()];

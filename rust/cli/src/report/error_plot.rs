@@ -35,7 +35,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         let name = file.file_stem().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
         reports.extend(renders.into_iter().next_back().map(|report| (name, report)));
     }
-    let chart = chart(&reports);
+    let chart = chart(reports.iter().map(|(name, report)| (name.as_str(), report.rows.as_slice())));
     let (svg, png) = (arguments.out.with_extension("svg"), arguments.out.with_extension("png"));
     std::fs::write(&svg, chart.svg()?).with_context(|| format!("cannot write {}", svg.display()))?;
     super::save(&chart.picture()?, &png)?;
@@ -53,12 +53,13 @@ fn point(row: &ErrorRow) -> Option<[f64; 4]> {
     (point[0] > 0.0 && point[1] > 0.0 && point.iter().all(|v| v.is_finite())).then_some(point)
 }
 
-fn chart(reports: &[(String, ErrorReport)]) -> Chart {
+/// The chart of reports with these names and rows.
+pub(super) fn chart<'a>(reports: impl Iterator<Item = (&'a str, &'a [ErrorRow])>) -> Chart {
     let mut curves = Vec::new();
-    for (number, (name, report)) in reports.iter().enumerate() {
-        let points: Vec<[f64; 4]> = report.rows.iter().filter_map(point).collect();
+    for (number, (name, rows)) in reports.enumerate() {
+        let points: Vec<[f64; 4]> = rows.iter().filter_map(point).collect();
         let last = points.last().copied();
-        curves.push(ChartCurve { name: name.clone(), points, color_of: number, ..ChartCurve::default() });
+        curves.push(ChartCurve { name: name.to_owned(), points, color_of: number, ..ChartCurve::default() });
         if let (0, Some([x, y, ..])) = (number, last) {
             let ideal = [1e-6, 1e6].map(|factor| [x * factor, y / factor, 0.0, 0.0]);
             let name = "ideal: slope -1 (RMSE -1/2)".to_owned();
@@ -151,7 +152,7 @@ mod tests {
     fn charts_and_table_match_the_rows() {
         let report = |slope| ErrorReport { rows: rows(slope), ..ErrorReport::default() };
         let reports = [("steep <a>".to_owned(), report(-1.0)), ("flat".to_owned(), report(-0.5))];
-        let chart = chart(&reports);
+        let chart = chart(reports.iter().map(|(name, report)| (name.as_str(), report.rows.as_slice())));
         let svg = chart.svg().expect("a chart");
         assert!(svg.contains("steep &lt;a&gt;") && svg.trim_end().ends_with("</svg>"), "names are data: {svg}");
         let curves: Vec<&str> = svg.lines().filter(|line| line.contains("stroke-width=\"2\"")).collect();
@@ -184,7 +185,10 @@ mod tests {
     #[test]
     fn a_report_without_errors_is_an_empty_chart() {
         let empty = [("empty".to_owned(), ErrorReport::default())];
-        assert!(chart(&empty).svg().expect("a chart").contains("relMSE"), "axes all the same");
+        assert!(
+            chart([("empty", &[][..])].into_iter()).svg().expect("a chart").contains("relMSE"),
+            "axes all the same"
+        );
         assert!(table(&empty).starts_with("report"), "the head of the table");
     }
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! `oocpt report plot`: see [`error_plot`]. `oocpt report picture`: see [`picture`]. `oocpt report chunks`: draws the
-//! report that `oocpt:chunkReport` wrote.
+//! `oocpt report plot`: see [`error_plot`]. `oocpt report picture`: see [`picture`]. `oocpt report html`: see
+//! [`page`]. `oocpt report chunks`: draws the report that `oocpt:chunkReport` wrote.
 //!
 //! `loads.png` and `rays.png` show the boxes of all chunk instances from the render's camera, coloured by the chunk's
 //! loads and by the rays that visited it, on a logarithmic scale; grey is zero. `progress.txt` lists the number of
@@ -10,6 +10,7 @@ mod boxes;
 mod chart;
 mod error_plot;
 mod letters;
+mod page;
 mod paint;
 mod picture;
 
@@ -47,6 +48,9 @@ enum ReportCommand {
     Plot(error_plot::Arguments),
     /// How a picture was made: the attributes of an EXR file of ours, or what a report says of its last render.
     Picture(picture::Arguments),
+    /// One page about a render, or about several beside each other: error and memory over time, chunks, what was left
+    /// out.
+    Html(page::PageArguments),
     /// Pictures of the chunks by loads and by rays, and the table of time against paths left.
     Chunks {
         /// The file that the setting `oocpt:chunkReport` named.
@@ -62,6 +66,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let (file, out) = match &arguments.command {
         ReportCommand::Plot(arguments) => return error_plot::run(arguments),
         ReportCommand::Picture(arguments) => return picture::run(arguments),
+        ReportCommand::Html(arguments) => return page::run(arguments),
         ReportCommand::Chunks { file, out } => (file, out),
     };
     let report = ChunkReport::read(file)?;

@@ -116,6 +116,7 @@ pub(crate) fn bytes_a_pixel(job: &RenderJob) -> FilmBytes {
 /// Film, resolved colour and the planes of the other images.
 #[derive(Debug)]
 pub(crate) struct Film {
+    gpu: Arc<Gpu>,
     pixels: u64,
     kinds: Vec<AovKind>,
     /// `FilmPixel` per pixel and stream, then what `measure_error` says of them; only with samples.
@@ -185,6 +186,7 @@ impl Film {
         let (planes, readback) = images(gpu, &kinds, pixels)?;
         let error_scale = AtomicU32::new(1.0_f32.to_bits());
         Ok(Self {
+            gpu: Arc::clone(gpu),
             pixels,
             kinds,
             film,
@@ -492,6 +494,11 @@ impl Film {
             c.copy(film, behind, errors, at, bytes);
             c.copy(counters, 0, errors, at + bytes, size_of::<WavefrontCounters>() as u64);
         });
+    }
+
+    /// Device memory in use, by all that is on the device.
+    pub(crate) fn device_bytes(&self) -> u64 {
+        self.gpu.memory().used
     }
 
     /// What [`Film::copy_error`] copied to a slot, once its commands are done.

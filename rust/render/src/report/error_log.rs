@@ -9,6 +9,7 @@
 
 use crate::film::measure::MeasuredError;
 use crate::film::reference::ReferencePicture;
+use crate::host_memory;
 use crate::job::RenderJob;
 use crate::job::aov::AovKind;
 use crate::job::request::Severity;
@@ -35,6 +36,7 @@ pub(crate) struct RowMoment {
     pub(crate) seconds: f64,
     pub(crate) seconds_tracing: f64,
     pub(crate) bytes_paged: u64,
+    pub(crate) gpu_bytes: u64,
     /// Samples of each pixel, on average.
     pub(crate) samples: u32,
     /// The picture of these samples is published, if any is to be compared.
@@ -161,6 +163,8 @@ impl ErrorLog {
             seconds_tracing: 0.0,
             rays: 0,
             bytes_paged: 0,
+            gpu_bytes: 0,
+            host_peak_bytes: 0,
             truth: None,
             is_last: false,
             ..row.clone()
@@ -234,10 +238,11 @@ impl ErrorLog {
             self.decide(octave, high);
         }
         let MeasuredError { worst, rays, .. } = measured;
-        let RowMoment { seconds, seconds_tracing, bytes_paged, samples, has_picture } = moment;
+        let RowMoment { seconds, seconds_tracing, bytes_paged, gpu_bytes, samples, has_picture } = moment;
         let truth = if has_picture { self.compare(shared, AovKind::Color) } else { None };
-        let row =
-            ErrorRow { samples, seconds, seconds_tracing, rays, estimate, worst, bytes_paged, truth, is_last: false };
+        let host_peak_bytes = if self.writer.is_some() { host_memory::peak() } else { 0 };
+        let memory = ErrorRow { bytes_paged, gpu_bytes, host_peak_bytes, ..ErrorRow::default() };
+        let row = ErrorRow { samples, seconds, seconds_tracing, rays, estimate, worst, truth, ..memory };
         self.write(shared);
         lock(&shared.stats).error = Some(row.clone());
         self.history.last = Some(row.clone());

@@ -88,6 +88,7 @@ fn join(sum: &mut MeasuredRow, row: &MeasuredRow) {
     mine.seconds += other.seconds;
     mine.seconds_tracing += other.seconds_tracing;
     mine.bytes_paged += other.bytes_paged;
+    mine.gpu_bytes = mine.gpu_bytes.max(other.gpu_bytes);
     mine.samples = if is_first { other.samples } else { mine.samples.min(other.samples) };
 }
 

@@ -91,7 +91,8 @@ pub(crate) fn gloss(db: &mut SceneDb) {
 
 fn error_of(session: &Session) -> ErrorRow {
     let row = session.stats().error.expect("there was an error to tell");
-    ErrorRow { seconds: 0.0, seconds_tracing: 0.0, bytes_paged: 0, rays: 0, ..row }
+    let ErrorRow { samples, estimate, worst, truth, is_last, .. } = row;
+    ErrorRow { samples, estimate, worst, truth, is_last, ..ErrorRow::default() }
 }
 
 #[test]
@@ -142,6 +143,9 @@ fn a_report_has_a_row_at_each_power_of_two_and_at_the_end() {
         "two samples tell something"
     );
     assert!(rows.iter().all(|row| row.is_last == (row.samples == 24)), "the end is told");
+    let peak = reports[0].usage.as_ref().map_or(0, |usage| usage.gpu_peak_bytes);
+    assert!(rows.iter().all(|row| 0 < row.gpu_bytes && row.gpu_bytes <= peak), "device memory: {rows:?}");
+    assert!(rows[0].host_peak_bytes > 0, "host memory");
     assert!(
         (2..=5).contains(&rows[5].worst.len()) && rows[5].worst.windows(2).all(|pair| pair[0].error >= pair[1].error),
         "{:?}",

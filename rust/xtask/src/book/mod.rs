@@ -16,7 +16,7 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-use anyhow::{Context as _, Result, bail};
+use anyhow::{Context as _, Result, bail, ensure};
 
 use crate::clone_files::tracked_files;
 use crate::places::RootFolders;
@@ -34,8 +34,9 @@ const DECISIONS: &str = "rust/decisions/";
 /// Generates the tables, checks, and builds the HTML into `book` in the target folder.
 ///
 /// # Errors
-/// A document is wrong, or mdBook fails. If mdBook is not installed, a message says so.
-pub(crate) fn make(places: &RootFolders) -> Result<()> {
+/// A document is wrong, or mdBook fails; with `opens`, also if mdBook is not installed or no browser starts. Else a
+/// message says that it is not.
+pub(crate) fn make(places: &RootFolders, opens: bool) -> Result<()> {
     let tables = tables::read_all(places)?;
     for (file, text) in documents(places)? {
         let filled = tables::filled(&text, &tables).with_context(|| file.clone())?;
@@ -46,14 +47,20 @@ pub(crate) fn make(places: &RootFolders) -> Result<()> {
     }
     check(places)?;
     if !succeeds("mdbook", ["--version"]) {
-        say("the documents are right; to build the HTML, install mdBook with `cargo install mdbook --locked`");
+        let how = "the documents are right; to build the HTML, install mdBook with `cargo install mdbook --locked`";
+        ensure!(!opens, how);
+        say(how);
         return Ok(());
     }
     let source = places.target.join("book-source");
     stage(places, &source)?;
     let out = places.target.join("book");
     run(Command::new("mdbook").arg("build").arg(&source).arg("--dest-dir").arg(&out))?;
-    say(format_args!("the book is at {}", out.join("index.html").display()));
+    let index = out.join("index.html");
+    say(format_args!("the book is at {}", index.display()));
+    if opens {
+        run(Command::new("xdg-open").arg(&index)).context("no browser for it")?;
+    }
     Ok(())
 }
 

@@ -100,6 +100,7 @@ impl FrameProgress<'_> {
             seconds: self.started.elapsed().as_secs_f64(),
             seconds_tracing: tracing,
             bytes_paged: streaming.bytes_paged,
+            gpu_bytes: film.device_bytes(),
             // Streaming counts what is handed to the device; an epoch is all there is then.
             samples: if self.decided.is_some() { self.samples_done() } else { measured.fewest },
             has_picture: true,

@@ -179,6 +179,7 @@ impl<'a> FrameProgress<'a> {
                 seconds: self.started.elapsed().as_secs_f64(),
                 seconds_tracing: self.trace_started.elapsed().as_secs_f64(),
                 bytes_paged: stats.streaming.bytes_paged,
+                gpu_bytes: stats.gpu_bytes,
                 samples: error.samples,
                 has_picture: false,
             };
