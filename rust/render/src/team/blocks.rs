@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Which samples a device renders next. Pure.
 //!
-//! Blocks ascend, and get smaller towards the end (guided self-scheduling, Polychronopoulos and Kuck 1987): a device
-//! takes three quarters of its fair share of what is left, by the speed of its last block, and all of it where that
-//! takes less than [`LEAST_SECS`]. So devices end together, whatever their speeds, and few blocks are made, each of
-//! which drains its device. The first block of a device, whose speed is not known, is an eighth of its share; a device
-//! that is alone takes all.
+//! Blocks ascend, and get smaller towards the end (guided self-scheduling, Polychronopoulos and Kuck 1987): from the
+//! speeds of their last blocks follows when all devices can end together, given what is left and under way. A device
+//! takes three quarters of what it renders until then, and all of it where that takes less than [`LEAST_SECS`]. So
+//! devices end together, whatever their speeds, and few blocks are made, each of which drains its device. The first
+//! block of a device, whose speed is not known, is an eighth of its share; a device that is alone takes all.
 
 use oocpt_film::SampleRange;
 
-/// Seconds that a block is to take at least.
+/// Seconds before the end from which on a device takes all of its share.
 const LEAST_SECS: f64 = 0.25;
-/// Share of a device in what is left that it takes at once.
+/// Share of what a device is to render that it takes at once.
 const SHARE: f64 = 0.75;
 /// The same for its first block.
 const FIRST_SHARE: f64 = 0.125;
@@ -31,8 +31,8 @@ pub(super) enum NextBlock {
 
 #[derive(Clone, Copy, Debug, Default)]
 struct QueueDevice {
-    /// It is rendering something.
-    is_busy: bool,
+    /// Samples that it renders, and since when, in seconds.
+    under_way: Option<(u32, f64)>,
     /// It takes no more blocks.
     is_out: bool,
     /// Samples a second.
@@ -58,31 +58,31 @@ impl BlockQueue {
         Self { left, open, is_closed: false, devices: vec![QueueDevice::default(); devices] }
     }
 
-    /// What a device does next; `secs` are left until no block may begin.
-    pub(super) fn next(&mut self, device: usize, secs: Option<f64>) -> NextBlock {
+    /// What a device does next, at `now` in seconds; so many seconds are `left` until no block may begin.
+    pub(super) fn next(&mut self, device: usize, now: f64, left: Option<f64>) -> NextBlock {
         let is_out = self.devices.get(device).is_none_or(|device| device.is_out);
         if self.is_closed || is_out {
             return NextBlock::Done;
         }
         let Some(first) = self.left.first().copied().filter(|range| range.begin < self.open) else {
-            let is_busy = self.devices.iter().any(|device| device.is_busy);
+            let is_busy = self.devices.iter().any(|device| device.under_way.is_some());
             return if is_busy || !self.left.is_empty() { NextBlock::Wait } else { NextBlock::Done };
         };
         let most = first.end.min(self.open) - first.begin;
-        let block = SampleRange::new(first.begin, first.begin + self.size(device, secs).clamp(1, most));
+        let block = SampleRange::new(first.begin, first.begin + self.size(device, now, left).clamp(1, most));
         if block.end == first.end {
             self.left.remove(0);
         } else {
             self.left[0].begin = block.end;
         }
-        self.devices[device].is_busy = true;
+        self.devices[device].under_way = Some((block.samples(), now));
         NextBlock::Render(block)
     }
 
     /// A device has rendered a block, in so many seconds.
     pub(super) fn done(&mut self, device: usize, block: SampleRange, secs: f64) {
         if let Some(device) = self.devices.get_mut(device) {
-            device.is_busy = false;
+            device.under_way = None;
             device.ended += 1;
             device.rate = Some(f64::from(block.samples()) / secs.max(1e-6));
         }
@@ -110,7 +110,7 @@ impl BlockQueue {
     /// Whether no device is rendering, and no sample that may begin is left.
     pub(super) fn is_idle(&self) -> bool {
         let waits = self.left.first().is_some_and(|range| range.begin < self.open);
-        !waits && !self.devices.iter().any(|device| device.is_busy)
+        !waits && !self.devices.iter().any(|device| device.under_way.is_some())
     }
 
     /// Whether a device has ended a block, and others, which may go on, less than `blocks`.
@@ -125,25 +125,31 @@ impl BlockQueue {
     }
 
     /// Samples of a device's next block.
-    fn size(&self, device: usize, secs: Option<f64>) -> u32 {
+    fn size(&self, device: usize, now: f64, secs: Option<f64>) -> u32 {
         let open = |range: &SampleRange| range.end.min(self.open).saturating_sub(range.begin);
         let left = f64::from(self.left.iter().map(open).fold(0_u32, u32::saturating_add));
-        let living = self.devices.iter().filter(|device| !device.is_out);
-        let known: Vec<f64> = living.clone().filter_map(|device| device.rate).collect();
-        if living.clone().count() == 1 && secs.is_none() {
+        let living: Vec<QueueDevice> = self.devices.iter().copied().filter(|device| !device.is_out).collect();
+        if living.len() < 2 && secs.is_none() {
             return whole(left);
         }
+        #[expect(clippy::cast_precision_loss, reason = "a few devices")]
+        let devices = living.len().max(1) as f64;
         let Some(rate) = self.devices[device].rate else {
-            #[expect(clippy::cast_precision_loss, reason = "a few devices")]
-            let first = whole(left * FIRST_SHARE / living.count().max(1) as f64);
+            let first = whole(left * FIRST_SHARE / devices);
             return if secs.is_some() { first.min(FIRST_IN_TIME) } else { first };
         };
-        // A device whose speed is not known yet counts as one of the known ones.
+        let known: Vec<f64> = living.iter().filter_map(|device| device.rate).collect();
         #[expect(clippy::cast_precision_loss, reason = "a few devices")]
-        let all = known.iter().sum::<f64>() / known.len().max(1) as f64 * living.count().max(1) as f64;
-        let fair = left * rate / all.max(rate);
-        let least = rate * LEAST_SECS;
-        let size = if SHARE * fair > least { SHARE * fair } else { fair.min(least) };
+        let mean = known.iter().sum::<f64>() / known.len().max(1) as f64;
+        // A device whose speed is not known yet counts as one of the known ones.
+        let rate_of = |device: &QueueDevice| device.rate.unwrap_or(mean);
+        let rest = |device: &QueueDevice| {
+            let rest = |(samples, began): (u32, f64)| f64::from(samples) - rate_of(device) * (now - began);
+            device.under_way.map_or(0.0, |block| rest(block).max(0.0))
+        };
+        let until_end = (left + living.iter().map(rest).sum::<f64>()) / living.iter().map(rate_of).sum::<f64>();
+        let share = if until_end > LEAST_SECS { SHARE } else { 1.0 };
+        let size = rate * until_end * share;
         whole(secs.map_or(size, |secs| size.min(rate * secs)))
     }
 }
@@ -168,7 +174,7 @@ mod tests {
         loop {
             for device in 0..rates.len() {
                 if under_way[device].is_none()
-                    && let NextBlock::Render(block) = queue.next(device, None)
+                    && let NextBlock::Render(block) = queue.next(device, clocks[device], None)
                 {
                     clocks[device] += f64::from(block.samples()) / rates[device];
                     blocks[device].push(block);
@@ -212,31 +218,49 @@ mod tests {
     }
 
     #[test]
+    fn a_device_keeps_a_part_of_its_share_for_when_it_slows_down() {
+        let range = SampleRange::new;
+        let mut queue = BlockQueue::new(vec![range(0, 1024)], u32::MAX, 2);
+        for device in 0..2 {
+            let NextBlock::Render(block) = queue.next(device, 0.0, None) else { panic!("all is left") };
+            queue.done(device, block, f64::from(block.samples()) / 100.0);
+        }
+        // 900 samples are left, half of them for each.
+        assert_eq!(queue.next(0, 1.0, None), NextBlock::Render(range(124, 462)), "three quarters of its half");
+        let mut late = BlockQueue::new(vec![range(0, 1000)], u32::MAX, 1);
+        assert_eq!(late.next(0, 0.0, Some(10.0)), NextBlock::Render(range(0, 4)), "few while its speed is not known");
+    }
+
+    #[test]
     fn samples_that_are_given_back_are_rendered_first_and_by_others() {
         let range = SampleRange::new;
         let mut queue = BlockQueue::new(vec![range(0, 64)], u32::MAX, 2);
-        assert_eq!(queue.next(0, None), NextBlock::Render(range(0, 4)), "an eighth of a half");
-        assert_eq!(queue.next(1, None), NextBlock::Render(range(4, 8)));
+        assert_eq!(queue.next(0, 0.0, None), NextBlock::Render(range(0, 4)), "an eighth of a half");
+        assert_eq!(queue.next(1, 0.0, None), NextBlock::Render(range(4, 8)));
         queue.give_back(0, &[range(1, 4)]);
-        assert_eq!(queue.next(0, None), NextBlock::Done, "it is out");
+        assert_eq!(queue.next(0, 0.0, None), NextBlock::Done, "it is out");
         queue.done(1, range(4, 8), 1.0);
-        assert_eq!(queue.next(1, None), NextBlock::Render(range(1, 4)), "what is missing, and no more");
+        assert_eq!(queue.next(1, 0.0, None), NextBlock::Render(range(1, 4)), "what is missing, and no more");
         queue.done(1, range(1, 4), 1.0);
-        assert_eq!(queue.next(1, None), NextBlock::Render(range(8, 64)), "alone it takes what is left");
+        assert_eq!(queue.next(1, 0.0, None), NextBlock::Render(range(8, 64)), "alone it takes what is left");
         queue.give_back(1, &[range(8, 64)]);
-        assert_eq!((queue.next(1, None), queue.is_idle()), (NextBlock::Done, false), "nobody is left, and samples are");
+        assert_eq!(
+            (queue.next(1, 0.0, None), queue.is_idle()),
+            (NextBlock::Done, false),
+            "nobody is left, and samples are"
+        );
     }
 
     #[test]
     fn a_device_waits_for_what_another_may_give_back() {
         let range = SampleRange::new;
         let mut queue = BlockQueue::new(vec![range(3, 5)], u32::MAX, 2);
-        assert_eq!(queue.next(0, None), NextBlock::Render(range(3, 4)));
-        assert_eq!(queue.next(1, None), NextBlock::Render(range(4, 5)));
+        assert_eq!(queue.next(0, 0.0, None), NextBlock::Render(range(3, 4)));
+        assert_eq!(queue.next(1, 0.0, None), NextBlock::Render(range(4, 5)));
         queue.done(0, range(3, 4), 1.0);
-        assert_eq!(queue.next(0, None), NextBlock::Wait, "the other one may fail");
+        assert_eq!(queue.next(0, 0.0, None), NextBlock::Wait, "the other one may fail");
         queue.done(1, range(4, 5), 1.0);
-        assert_eq!((queue.next(0, None), queue.is_idle()), (NextBlock::Done, true));
+        assert_eq!((queue.next(0, 0.0, None), queue.is_idle()), (NextBlock::Done, true));
     }
 
     #[test]
@@ -244,15 +268,19 @@ mod tests {
         let range = SampleRange::new;
         let mut queue = BlockQueue::new(vec![range(0, 1000)], 16, 1);
         let mut next = 0;
-        while let NextBlock::Render(block) = queue.next(0, Some(10.0)) {
+        while let NextBlock::Render(block) = queue.next(0, 0.0, Some(10.0)) {
             assert!(block.begin == next && block.end <= 16 && block.samples() <= 4, "{block}");
             queue.done(0, block, f64::from(block.samples()) / 0.3);
             next = block.end;
         }
-        assert_eq!((next, queue.next(0, None), queue.is_idle()), (16, NextBlock::Wait, true), "until it is decided");
+        assert_eq!(
+            (next, queue.next(0, 0.0, None), queue.is_idle()),
+            (16, NextBlock::Wait, true),
+            "until it is decided"
+        );
         queue.open(32);
-        assert_eq!(queue.next(0, Some(10.0)), NextBlock::Render(range(16, 19)), "as many as the time allows");
+        assert_eq!(queue.next(0, 0.0, Some(10.0)), NextBlock::Render(range(16, 19)), "as many as the time allows");
         queue.close();
-        assert_eq!(queue.next(0, None), NextBlock::Done);
+        assert_eq!(queue.next(0, 0.0, None), NextBlock::Done);
     }
 }

@@ -84,7 +84,7 @@ impl<'a> TeamPlan<'a> {
                 queue = self.changed.wait(queue).unwrap_or_else(PoisonError::into_inner);
                 continue;
             }
-            match queue.next(number, secs) {
+            match queue.next(number, self.progress.seconds(), secs) {
                 NextBlock::Render(block) => return Some(block),
                 NextBlock::Done => return None,
                 NextBlock::Wait => queue = self.changed.wait(queue).unwrap_or_else(PoisonError::into_inner),
@@ -98,8 +98,8 @@ impl<'a> TeamPlan<'a> {
         self.changed.notify_all();
     }
 
-    /// Where the error of all samples that may begin is known: ends the picture if that is small enough, or lets samples
-    /// before `open` begin.
+    /// Where the error of all samples that may begin is known: ends the picture if that is small enough, or lets
+    /// samples before `open` begin.
     pub(super) fn decide(&self, is_good_enough: bool, open: u32) {
         let mut queue = lock(&self.queue);
         if queue.is_idle() {

@@ -87,6 +87,11 @@ impl TeamProgress<'_> {
         }
     }
 
+    /// Seconds since the picture was begun.
+    pub(crate) fn seconds(&self) -> f64 {
+        self.started.elapsed().as_secs_f64()
+    }
+
     /// Seconds until the time limit of the picture, if there is one.
     pub(crate) fn secs_left(&self) -> Option<f64> {
         self.limit.map(|limit| limit.saturating_sub(self.started.elapsed()).as_secs_f64())
