@@ -162,7 +162,7 @@ fn films_that_do_not_belong_together_are_refused_by_name() {
     let folder = Folder::new("foreign");
     let files = parts(&folder, [4, 4], &[0, 3, 8]);
     let refused = |name: &str, change: fn(&mut oocpt_film::FilmHeader), said: &str| {
-        let mut header = crate::support::header([4, 4]);
+        let mut header = header([4, 4]);
         change(&mut header);
         let path = folder.path(name);
         ExactFilm::new(header).expect("a sound header").write(&path).expect("it can be written");
@@ -201,7 +201,7 @@ fn memory_does_not_grow_with_the_number_of_parts() {
         let path = folder.path(&format!("{index}"));
         let mut pixel = ExactPixel::default();
         pixel.add_sample([index as f32, 1.0, 0.5, 1.0]);
-        let mut film = ExactFilm::new(crate::support::header(size)).expect("a sound header");
+        let mut film = ExactFilm::new(header(size)).expect("a sound header");
         film.add(SampleRange::new(index, index + 1), vec![pixel; 512 * 512]).expect("it fits");
         film.write(&path).expect("it can be written");
         path

@@ -17,9 +17,10 @@ use std::collections::HashMap;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Seeds, and with all tests. Those of [`adaptive`] take twice as long. The draws of consecutive seeds are stratified, by sixteen: a mean over them is closer to
+/// Seeds, and with all tests. The draws of consecutive seeds are stratified, by sixteen: a mean over them is closer to
 /// the truth than its standard error says, never further.
 const SEEDS: [u32; 2] = [32, 64];
+/// Those with [`adaptive`] sampling, which takes twice as long.
 const ADAPTIVE_SEEDS: [u32; 2] = [16, 64];
 /// Seeds that show a bias where nearly every load is played for: with 16 it is twenty standard errors.
 const PLANTED: u32 = 16;
