@@ -79,6 +79,7 @@ pub(crate) fn close_session(session: Box<Session>) -> Result<(), BridgeError> {
 }
 
 /// The primvars, without `primvars:`, whose texts name what products show; sorted.
+#[allow(clippy::ptr_arg, reason = "C++ hands over its vector")]
 pub(crate) fn naming_primvars(products: &Vec<ProductDesc>) -> Result<Vec<String>, BridgeError> {
     guard("naming_primvars", || Ok(convert::product::names_of_naming(products)))
 }

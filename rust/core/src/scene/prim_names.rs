@@ -28,6 +28,9 @@ struct InstancerLevel {
     numbers: Option<Arc<[u32]>>,
 }
 
+/// Numbers of the instances of a prototype ([`instance_numbers`]), by instancer and root.
+type NumbersOfPrototypes = FxHashMap<(Arc<str>, Arc<str>), Option<Arc<[u32]>>>;
+
 /// The instancers on the way to an assembly or prim, from the outermost in; `None` where there are several ways, so
 /// that the flat index of a placement does not say which one it is of.
 type PrimWay = Option<Vec<InstancerLevel>>;
@@ -215,7 +218,7 @@ impl SceneDb {
         levels: &mut [InstancerLevel],
         prim: &PrimDesc,
         naming: &[Arc<NamingPrimvar>],
-        known: &mut FxHashMap<(Arc<str>, Arc<str>), Option<Arc<[u32]>>>,
+        known: &mut NumbersOfPrototypes,
     ) {
         let mut inner = Some(prim);
         for level in levels.iter_mut().rev() {

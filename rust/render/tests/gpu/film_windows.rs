@@ -252,7 +252,7 @@ fn images_that_exceed_the_budget_of_host_memory_are_told() {
     let settings = Settings { host_memory_budget_mib: 1, ..by(TraversalKind::Auto, 2) };
     let parts = session(nested, settings, Some(200 * 50), false);
     let messages = render_with_messages(&parts, &view([200, 150]));
-    let told = messages.iter().filter(|message| message.text.contains("images of the picture take 5 MiB")).count();
+    let told = messages.iter().filter(|message| message.text.contains("images of the picture take 6 MiB")).count();
     assert_eq!(told, 1, "{messages:#?}");
 }
 
@@ -278,7 +278,7 @@ fn what_each_window_warns_of_is_told_once() {
 #[test]
 fn a_film_that_leaves_too_little_for_the_rest_becomes_a_picture_all_the_same() {
     const MIB: u64 = 1 << 20;
-    let request = view([110, 78]);
+    let request = view([97, 69]);
     let with = |mib: u32| {
         let session = session(nested, Settings { memory_budget_mib: mib, ..by(TraversalKind::Auto, 2) }, None, false);
         render(&session, &request);

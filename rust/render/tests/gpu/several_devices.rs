@@ -192,9 +192,10 @@ fn a_part_of_a_film_is_rendered_by_several_devices_and_goes_on() {
 
 #[test]
 fn what_films_do_not_hold_is_rendered_on_one_device_with_one_message() {
+    type RequestChange = fn(&mut RenderRequest);
     let all = |request: &mut RenderRequest| request.aovs.push(AovRequest { kind: AovKind::Variance, clear: [0.0; 4] });
     let none = |_: &mut RenderRequest| {};
-    let cases: [(&str, Settings, fn(&mut RenderRequest)); 4] = [
+    let cases: [(&str, Settings, RequestChange); 4] = [
         ("adaptiveSampling", Settings { adaptive_sampling: true, ..on("0,0") }, none),
         ("mitchell", Settings { pixel_filter: PixelFilterKind::Mitchell, ..on("0,0") }, none),
         ("shows images on the way", Settings { interactive: true, ..on("0,0") }, none),

@@ -43,7 +43,7 @@ fn below_a_roof(db: &mut SceneDb, floor: PrimMask) {
 }
 
 fn is_left(pixel: usize) -> bool {
-    pixel % SIZE[0] as usize <= SIZE[0] as usize / 2 - 1
+    (pixel % SIZE[0] as usize) < SIZE[0] as usize / 2
 }
 
 #[test]

@@ -158,6 +158,14 @@ pub(crate) const ROWS: &[Row] = &[
         ..BARE
     },
     Row {
+        what: "a shadow catcher",
+        build: |db| db.upsert_mesh(MeshDesc { mask: PrimMask::SHADOW_CATCHER, ..bare("/board") }),
+        features: &["PRIM_MASKS", "SHADOW_SUMS"],
+        passes: &[&["sum_planes", "resolve_planes"]],
+        buffers: &[&["masks of prims", "light_paths", "image shadowCatcher", "plane_values", "plane_sums"]],
+        ..BARE
+    },
+    Row {
         what: "errors of pixels",
         passes: &[&["tell_spread"]],
         buffers: &[&["image error"]],
