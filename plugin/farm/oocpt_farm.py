@@ -115,8 +115,14 @@ def render(arguments: argparse.Namespace) -> int:
         command(arguments, part, (begin, end)), stdin=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
         errors="replace", env=environment(arguments),
     )  # fmt: skip
+    stopped: list[int] = []
+
+    def stop(number: int, _frame: object) -> None:
+        stopped.append(number)
+        child.send_signal(number)
+
     for name in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(name, lambda number, _frame: child.send_signal(number))
+        signal.signal(name, stop)
     error = ""
     for said in child.stderr:
         error = said.strip() or error
@@ -131,7 +137,7 @@ def render(arguments: argparse.Namespace) -> int:
         return 0
     print(f"openjd_fail: samples {begin}..{end} of frame {arguments.frame} are not all there: {error}", flush=True)
     # A mistake in the scene or in the settings stays one.
-    return status if status > 0 and not part.exists() else TRY_AGAIN
+    return status if status > 0 and not (stopped or part.exists()) else TRY_AGAIN
 
 
 def picture(arguments: argparse.Namespace) -> int:

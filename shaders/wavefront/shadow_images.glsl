@@ -21,8 +21,8 @@ float plane_mean(uint pixel, uint word) {
     return more > 0u ? 0.5 * (mean + plane_sum(other, word) / float(more)) : mean;
 }
 
-// Between 0 and 1: filters that are negative in part may lead beyond. What is lit and what is dark is so exactly, though
-// quotients are rounded as the device likes.
+// Between 0 and 1: filters that are negative in part may lead beyond. 0 where all arrives and 1 where nothing does, to
+// the bit, however the device rounds quotients.
 float shadow_of(float asked, float arrived) {
     if (asked <= 0.0 || arrived >= asked) return 0.0;
     return arrived > 0.0 ? clamp(1.0 - arrived / asked, 0.0, 1.0) : 1.0;

@@ -168,12 +168,26 @@ def test_a_second_signal_exits_at_once(start, pictures, tmp_path):
         start, small.FOLDER / "nested.usda", pictures / "out.exr", "--imageWidth", "1024", OOCPT_REPORT=str(report)
     )
     wait_for_samples(run, report)
-    # Both are there when it goes on. Writing takes far longer than hearing the second one: a small picture was
-    # sometimes written before, where others wanted the processors.
+    # It stands still between the two, so that the picture is not written meanwhile.
+    run.process.send_signal(signal.SIGINT)
+    time.sleep(0.02)
     run.process.send_signal(signal.SIGSTOP)
-    said = run.interrupt(signal.SIGINT, signal.SIGTERM, signal.SIGCONT)
+    time.sleep(1.1)
+    said = run.interrupt(signal.SIGTERM, signal.SIGCONT)
     assert said == ["OocPT: interrupted a second time; nothing is written"]
     assert names(pictures) == []
+
+
+def test_signals_that_come_together_are_one(start, pictures, tmp_path):
+    """As of a scheduler that signals a process and its parent, which hands the signal on."""
+    report = tmp_path / "report.jsonl"
+    run = record(
+        start, small.FOLDER / "nested.usda", pictures / "out.exr", "--imageWidth", "256", OOCPT_REPORT=str(report)
+    )
+    wait_for_samples(run, report)
+    run.process.send_signal(signal.SIGSTOP)
+    said = run.interrupt(signal.SIGINT, signal.SIGTERM, signal.SIGCONT)
+    assert any("out.exr is written" in line for line in said) and names(pictures) == ["out.exr"], said
 
 
 def test_an_interrupt_skips_the_remaining_frames(start, pictures, tmp_path):

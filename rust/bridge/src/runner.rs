@@ -4,7 +4,8 @@
 //! A command line makes one picture after the other. While one is rendered, the first interrupt makes the render end
 //! with the samples that it has, if it has any of each pixel; while a finished one is written, it is waited for. In
 //! every other case, and at the second interrupt, the process is to end at once: temporary files are removed here, and
-//! C++ ends it. Other hosts never call this, and nothing here knows of signals.
+//! C++ ends it. What comes within a second of the first counts as the first: terminals and schedulers signal a process
+//! and its parents, and these hand the signal on. Other hosts never call this, and nothing here knows of signals.
 //!
 //! Any thread; the calls of a command line come from one, [`interrupt`] from another.
 
@@ -13,6 +14,10 @@ use oocpt_render::{EarlyEnd, Session};
 use std::io::{IsTerminal as _, Write as _};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::time::{Duration, Instant};
+
+/// Signals so soon after the first one are the same interrupt.
+const TOGETHER: Duration = Duration::from_secs(1);
 
 /// The phase of the command line.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -30,7 +35,8 @@ enum RunnerPhase {
 #[derive(Debug, Default)]
 struct RunnerState {
     phase: RunnerPhase,
-    is_interrupted: bool,
+    /// When the first interrupt came.
+    interrupted: Option<Instant>,
     /// The folder of temporary files of the picture under way; empty if there is none.
     folder: PathBuf,
     /// The sessions of this process, and their newest jobs when the picture was begun.
@@ -39,7 +45,7 @@ struct RunnerState {
 
 static STATE: Mutex<RunnerState> = Mutex::new(RunnerState {
     phase: RunnerPhase::Preparing,
-    is_interrupted: false,
+    interrupted: None,
     folder: PathBuf::new(),
     sessions: Vec::new(),
 });
@@ -55,9 +61,9 @@ impl RunnerState {
     }
 
     /// Returns true if there is a picture to wait for.
-    fn interrupt(&mut self) -> bool {
-        let is_first = !std::mem::replace(&mut self.is_interrupted, true);
-        is_first
+    fn interrupt(&mut self, now: Instant) -> bool {
+        let first = *self.interrupted.get_or_insert(now);
+        now.duration_since(first) < TOGETHER
             && match self.phase {
                 RunnerPhase::Preparing => false,
                 RunnerPhase::Rendering => self.of_picture(Session::finish_early).is_some(),
@@ -82,7 +88,7 @@ pub(crate) fn begin_picture(folder: &str) -> Result<bool, BridgeError> {
         for (session, newest) in &mut state.sessions {
             *newest = session.upgrade().map_or(0, |session| session.generation());
         }
-        Ok(!state.is_interrupted)
+        Ok(state.interrupted.is_none())
     })
 }
 
@@ -110,8 +116,8 @@ pub(crate) fn annotate_picture(path: &str) -> Result<(), BridgeError> {
 pub(crate) fn interrupt() -> Result<bool, BridgeError> {
     guard("interrupt", || {
         let mut state = state();
-        let is_second = state.is_interrupted;
-        if state.interrupt() {
+        let is_second = state.interrupted.is_some();
+        if state.interrupt(Instant::now()) {
             return Ok(true);
         }
         oocpt_render::textures::remove_unfinished();
@@ -150,7 +156,7 @@ pub(crate) fn interrupted() -> Result<(bool, EarlyEnd), BridgeError> {
     guard("interrupted", || {
         let state = state();
         let early = state.of_picture(Session::reached).unwrap_or(EarlyEnd { samples: 0, target: 0 });
-        Ok((state.is_interrupted, early))
+        Ok((state.interrupted.is_some(), early))
     })
 }
 
