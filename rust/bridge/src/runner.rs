@@ -185,7 +185,7 @@ mod tests {
 
     #[test]
     fn an_interrupt_waits_only_for_a_picture_that_has_samples() {
-        let interrupt = |phase| RunnerState { phase, ..RunnerState::default() }.interrupt();
+        let interrupt = |phase| RunnerState { phase, ..RunnerState::default() }.interrupt(Instant::now());
         assert!(!interrupt(RunnerPhase::Preparing), "nothing is there");
         assert!(!interrupt(RunnerPhase::Rendering), "nothing is rendered yet");
         assert!(interrupt(RunnerPhase::Writing), "it is there");
@@ -194,7 +194,17 @@ mod tests {
     #[test]
     fn a_second_interrupt_does_not_wait() {
         let mut state = RunnerState { phase: RunnerPhase::Writing, ..RunnerState::default() };
-        assert!(state.interrupt() && !state.interrupt(), "one picture, one wait");
+        let first = Instant::now();
+        assert!(state.interrupt(first) && !state.interrupt(first + TOGETHER), "one picture, one wait");
+    }
+
+    #[test]
+    fn signals_that_come_together_are_one_interrupt() {
+        let first = Instant::now();
+        let mut state = RunnerState { phase: RunnerPhase::Writing, ..RunnerState::default() };
+        let soon = first + TOGETHER / 2;
+        assert!(state.interrupt(first) && state.interrupt(soon) && state.interrupt(soon), "the same one");
+        assert!(!state.interrupt(first + TOGETHER), "counted from the first");
     }
 
     #[test]
@@ -202,7 +212,10 @@ mod tests {
         let session = Arc::new(Session::new(oocpt_core::settings::Settings::default()));
         let sessions = vec![(Arc::downgrade(&session), 0)];
         let mut state = RunnerState { phase: RunnerPhase::Rendering, sessions, ..RunnerState::default() };
-        assert!(!state.interrupt() && state.of_picture(Session::reached).is_none(), "nothing was asked of it");
+        assert!(
+            !state.interrupt(Instant::now()) && state.of_picture(Session::reached).is_none(),
+            "nothing was asked of it"
+        );
     }
 
     #[test]
