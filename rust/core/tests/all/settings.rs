@@ -151,6 +151,7 @@ fn settings_are_listed_in_order() {
     assert_eq!(keys[..OURS.len()], OURS, "the order");
     assert!(keys[OURS.len()..].iter().all(|key| !key.starts_with("oocpt:")), "{keys:?}");
     let names = [
+        "OOCPT_DEVICES",
         "OOCPT_TRAVERSAL",
         "OOCPT_HOST_MAPPED_GEOMETRY",
         "OOCPT_POLICY",
