@@ -63,7 +63,9 @@ def bpy_version() -> str:
 
 def copy_python(package: Path) -> None:
     shutil.copytree(HERE / "oocpt", package, ignore=shutil.ignore_patterns("__pycache__"))
-    shutil.copytree(REPOSITORY / "plugin/farm", package / "farm", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(
+        REPOSITORY / "plugin/schedulers", package / "schedulers", ignore=shutil.ignore_patterns("__pycache__")
+    )
     for source, name in SCRIPTS.items():
         shutil.copyfile(REPOSITORY / source, package / name)
     for name in ("usdrecord", "oocpt-texture-host"):

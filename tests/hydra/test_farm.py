@@ -16,7 +16,7 @@ import compare
 import exr
 import small
 
-FARM = pathlib.Path(__file__).resolve().parents[2] / "plugin/farm"
+FARM = pathlib.Path(__file__).resolve().parents[2] / "plugin/schedulers"
 sys.path.insert(0, str(FARM))
 import oocpt_farm  # noqa: E402  beside the template
 

@@ -121,6 +121,14 @@ def wait_for_samples(run, report):
     run.wait_for(has_row, "the first sample")
 
 
+def with_samples(start, out, folder, width):
+    """A render of a picture so wide, of which every pixel has a sample."""
+    report = folder / "report.jsonl"
+    run = record(start, small.FOLDER / "nested.usda", out, "--imageWidth", str(width), OOCPT_REPORT=str(report))
+    wait_for_samples(run, report)
+    return run
+
+
 @pytest.mark.parametrize(
     "number, name", [(signal.SIGINT, "out.exr"), (signal.SIGTERM, "out.png")], ids=["SIGINT", "SIGTERM"]
 )
@@ -169,11 +177,7 @@ def test_opening_a_stage_can_be_interrupted(start, pictures, tmp_path, number):
 
 
 def test_a_second_signal_exits_at_once(start, pictures, tmp_path):
-    report = tmp_path / "report.jsonl"
-    run = record(
-        start, small.FOLDER / "nested.usda", pictures / "out.exr", "--imageWidth", "1024", OOCPT_REPORT=str(report)
-    )
-    wait_for_samples(run, report)
+    run = with_samples(start, pictures / "out.exr", tmp_path, 1024)
     # It stands still between the two, so that the picture is not written meanwhile.
     run.process.send_signal(signal.SIGINT)
     time.sleep(0.02)
@@ -186,11 +190,7 @@ def test_a_second_signal_exits_at_once(start, pictures, tmp_path):
 
 def test_signals_that_come_together_are_one(start, pictures, tmp_path):
     """As of a scheduler that signals a process and its parent, which hands the signal on."""
-    report = tmp_path / "report.jsonl"
-    run = record(
-        start, small.FOLDER / "nested.usda", pictures / "out.exr", "--imageWidth", "256", OOCPT_REPORT=str(report)
-    )
-    wait_for_samples(run, report)
+    run = with_samples(start, pictures / "out.exr", tmp_path, 256)
     run.process.send_signal(signal.SIGSTOP)
     said = run.interrupt(signal.SIGINT, signal.SIGTERM, signal.SIGCONT)
     assert any("out.exr is written" in line for line in said) and names(pictures) == ["out.exr"], said

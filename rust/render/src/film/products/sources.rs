@@ -232,8 +232,8 @@ fn checked(name: &str) -> Result<String, String> {
     is_name.then(|| name.to_owned()).ok_or_else(|| "the primvar that is to name things has no name".to_owned())
 }
 
-/// The primvar, without `primvars:`, whose texts name what a var shows: that which it names, else the one in which
-/// Arnold's users override the names of its kind; `None` if it shows no names of prims.
+/// Returns the name, without `primvars:`, of the primvar that a Cryptomatte var takes its names from: the one that the
+/// var asks for, else Arnold's `crypto_object` or `crypto_asset`. Returns `None` for every other var.
 pub fn naming_primvar(var: &ProductVar) -> Option<String> {
     let source = cryptomatte(var).ok().flatten()?;
     let usual = match source.kind {
