@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The picture so far: one thread per pixel. Reads: film, with shadow catchers FrameConstants::plane_sums. Writes: color,
-// premultiplied, times the camera's exposure, over the clear colour. Adaptive: half of each stream, however many samples
-// they have.
+// The picture so far: one thread per pixel. Reads: film, with shadow catchers FrameConstants::plane_sums. Writes:
+// color, premultiplied, times the camera's exposure, over the clear colour. Adaptive: half of each stream, however many
+// samples they have.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "wavefront/wavefront.glsl"
