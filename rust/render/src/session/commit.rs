@@ -2,6 +2,7 @@
 //! A commit of the scene: edits in, a snapshot and what a job needs beside it out.
 
 use crate::device::loader::Loader;
+use crate::error::panic_text;
 use crate::geometry_files::{GeometryFiles, GeometrySetting};
 use crate::host_memory::{self, HostMemoryTaken, HostMemoryUser};
 use crate::job::commits::{CommittedScene, RenderAsk};
@@ -15,7 +16,6 @@ use oocpt_core::mesh::MeshFiles;
 use oocpt_core::partition::PartitionOptions;
 use oocpt_core::scene::{DicingCamera, LentBytes, SceneDb, Snapshot, summary};
 use oocpt_core::settings::Settings;
-use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::sync::Arc;
@@ -173,13 +173,4 @@ impl SessionScene {
             shared.report(Severity::Warning, format!("oocpt:materialReport: {error}"));
         }
     }
-}
-
-/// The words of a panic.
-pub(super) fn panic_text(panic: &(dyn Any + Send)) -> String {
-    panic
-        .downcast_ref::<&str>()
-        .map(ToString::to_string)
-        .or_else(|| panic.downcast_ref::<String>().cloned())
-        .unwrap_or_else(|| "unknown panic".into())
 }

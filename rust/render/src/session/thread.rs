@@ -4,10 +4,9 @@
 //! A panic of the renderer itself is caught here and reported as an error, and the renderer is started afresh, so that
 //! the host process survives.
 
-use crate::error::RenderError;
+use crate::error::{RenderError, panic_text};
 use crate::job::RenderJob;
 use crate::job::shared::{FrameGate, SharedState};
-use crate::session::commit::panic_text;
 use crate::session::products;
 use crate::team::RenderTeam;
 use std::panic::{AssertUnwindSafe, catch_unwind};

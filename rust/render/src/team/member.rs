@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! A device of a team: renders blocks on a thread of its own until none is left, or until it fails.
 
-use crate::error::RenderError;
+use crate::error::{RenderError, panic_text};
 use crate::frame::progress::FrameProgress;
 use crate::frame::progress::team::BlockOutcome;
 use crate::job::RenderJob;
@@ -11,7 +11,6 @@ use crate::sync::lock;
 use crate::team::plan::TeamPlan;
 use oocpt_film::SampleRange;
 use oocpt_gpu::DeviceReport;
-use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::mpsc::Sender;
 use std::time::Instant;
@@ -92,10 +91,4 @@ impl TeamMember {
         }
         BlockEnd { number, samples, seconds, outcome, failure: result.err() }
     }
-}
-
-/// The words of a panic.
-fn panic_text(panic: &(dyn Any + Send)) -> String {
-    let text = panic.downcast_ref::<&str>().map(ToString::to_string);
-    text.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_else(|| "unknown panic".into())
 }
