@@ -4,7 +4,7 @@
 //! An entry is a file of `tx`, named by a hash of its key: the identity of the source (`ImageLibrary::identity`) and
 //! how it is read. It is written under another name and renamed when it is complete, so nobody reads half of one; each
 //! tile has a checksum, and a damaged entry is removed and made again. The least recently used entries are removed if
-//! all together exceed the limit. Any thread.
+//! all together exceed the limit, but none that a process uses. Any thread.
 
 use super::convert::TileSink;
 use super::image::ImageError;
@@ -16,7 +16,7 @@ use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, SystemTime};
 use xxhash_rust::xxh3::xxh3_128;
 
@@ -28,14 +28,21 @@ const STALE: Duration = Duration::from_secs(24 * 60 * 60);
 /// Entries are marked as used no more often than this.
 const MARK_AGE: Duration = Duration::from_secs(60 * 60);
 
+/// What this process knows of the entries of all processes.
+#[derive(Debug, Default)]
+struct KnownEntries {
+    bytes: u64,
+    /// Bytes beyond which the folder is looked at: 0 before it was.
+    clean_at: u64,
+}
+
 /// The folder with its limit and its state.
 #[derive(Debug)]
 pub(crate) struct DiskCache {
     folder: PathBuf,
     /// Bytes of all entries.
     limit: u64,
-    /// Their bytes, as far as this process knows; `None` before it has looked.
-    known_bytes: Mutex<Option<u64>>,
+    known: Mutex<KnownEntries>,
     complaint: Mutex<Option<String>>,
     failed: AtomicBool,
 }
@@ -56,7 +63,7 @@ impl DiskCache {
         Self {
             folder,
             limit,
-            known_bytes: Mutex::default(),
+            known: Mutex::default(),
             complaint: Mutex::default(),
             failed: AtomicBool::new(false),
         }
@@ -90,6 +97,9 @@ impl DiskCache {
         let path = self.path(key);
         let file = oocpt_files::open(&path).ok()?;
         let used = file.metadata().and_then(|metadata| metadata.modified());
+        if !oocpt_files::hold(&file) {
+            return None;
+        }
         match TxFile::open(file) {
             Ok(entry) if entry.description().key == key => {
                 let now = SystemTime::now();
@@ -109,11 +119,9 @@ impl DiskCache {
         }
     }
 
-    /// Removes the entry of a key; a process that has it open keeps it.
+    /// Removes the entry of a key, unless a process uses it.
     pub(crate) fn remove(&self, key: &str) {
-        if let Err(error) = fs::remove_file(self.path(key)) {
-            tracing::trace!(%error, "no entry to remove");
-        }
+        delete(&self.path(key));
     }
 
     /// Begins an entry; `None`, with a complaint, if nothing can be written.
@@ -121,14 +129,12 @@ impl DiskCache {
         if self.has_failed() {
             return None;
         }
-        static NUMBER: AtomicU64 = AtomicU64::new(0);
-        let number = NUMBER.fetch_add(1, Ordering::Relaxed);
         let path = self.path(&description.key);
-        let part = path.with_extension(format!("{}-{number}.{UNDER_WAY}", std::process::id()));
+        let part = path.with_extension(format!("{}.{UNDER_WAY}", oocpt_files::unique_number()));
         under_way::begin(&part);
-        let begun = fs::create_dir_all(&self.folder)
-            .and_then(|()| File::options().write(true).create_new(true).open(&part))
-            .and_then(|file| TxWriter::new(file, description));
+        let create = || File::options().write(true).create_new(true).open(&part);
+        let begun =
+            oocpt_files::create_in(&self.folder, create).and_then(|file| TxWriter::new(file, description));
         match begun {
             Ok(writer) => Some(PendingEntry { cache: self, writer: Some(writer), part, path }),
             Err(error) => {
@@ -141,16 +147,13 @@ impl DiskCache {
 
     /// Takes in a new entry, and removes old ones if there are too many.
     fn added(&self, path: &Path, bytes: u64) {
-        let mut known = lock(&self.known_bytes);
-        let sum = match *known {
-            Some(sum) => sum.saturating_add(bytes),
-            None => u64::MAX, // Not looked yet.
-        };
-        if sum <= self.limit {
-            *known = Some(sum);
-            return;
+        let mut known = lock(&self.known);
+        known.bytes = known.bytes.saturating_add(bytes);
+        if known.bytes > known.clean_at {
+            known.bytes = self.clean(path);
+            // Entries that are used stay: the folder is not looked at again for each new one.
+            known.clean_at = self.limit.max(known.bytes.saturating_add(self.limit / 8));
         }
-        *known = Some(self.clean(path));
     }
 
     /// Removes stale files, and entries, the oldest first, until they are within the limit, but not `newest`. Returns
@@ -171,7 +174,9 @@ impl DiskCache {
                     sum = sum.saturating_add(metadata.len());
                     entries.push((used, metadata.len(), path));
                 }
-                Some(UNDER_WAY) if now.duration_since(used).is_ok_and(|age| age > STALE) => delete(&path),
+                Some(UNDER_WAY) if now.duration_since(used).is_ok_and(|age| age > STALE) => {
+                    delete(&path);
+                }
                 _ => {}
             }
         }
@@ -180,8 +185,7 @@ impl DiskCache {
             if sum <= self.limit {
                 break;
             }
-            if path != newest {
-                delete(&path);
+            if path != newest && delete(&path) {
                 sum = sum.saturating_sub(bytes);
             }
         }
@@ -196,10 +200,14 @@ fn is_ours(path: &Path) -> bool {
     stem.len() == 32 && stem.bytes().all(|byte| byte.is_ascii_hexdigit())
 }
 
-/// Removes a file; another process may have been faster.
-fn delete(path: &Path) {
-    if let Err(error) = fs::remove_file(path) {
-        tracing::debug!(path = %path.display(), %error, "cannot be removed");
+/// Removes a file that no process uses. Returns true if it is gone; another process may have been faster.
+fn delete(path: &Path) -> bool {
+    match oocpt_files::remove_unused(path) {
+        Ok(is_removed) => is_removed,
+        Err(error) => {
+            tracing::debug!(path = %path.display(), %error, "cannot be removed");
+            error.kind() == io::ErrorKind::NotFound
+        }
     }
 }
 
@@ -216,9 +224,13 @@ impl PendingEntry<'_> {
     /// Completes the file and renames it; `None`, with a complaint, if that fails.
     pub(crate) fn commit(mut self) -> Option<TxFile> {
         let writer = self.writer.take()?;
-        let ended = writer.finish().and_then(|_file| {
-            // The file is opened before it has its name: from then on another process may remove it.
-            let entry = TxFile::open(oocpt_files::open(&self.part)?)?;
+        let ended = writer.finish().and_then(|file| {
+            // NFS shows others what was written when the file is closed.
+            drop(file);
+            // Opened and held before it has its name: from then on another process may remove it.
+            let file = oocpt_files::open(&self.part)?;
+            let _is_there = oocpt_files::hold(&file);
+            let entry = TxFile::open(file)?;
             fs::rename(&self.part, &self.path)?;
             Ok(entry)
         });
