@@ -60,13 +60,7 @@ impl DiskCache {
 
     /// A cache in a folder, which is created with the first entry.
     pub(crate) fn new(folder: PathBuf, limit: u64) -> Self {
-        Self {
-            folder,
-            limit,
-            known: Mutex::default(),
-            complaint: Mutex::default(),
-            failed: AtomicBool::new(false),
-        }
+        Self { folder, limit, known: Mutex::default(), complaint: Mutex::default(), failed: AtomicBool::new(false) }
     }
 
     /// The first error, once: the render goes on without the cache where it fails.
@@ -133,8 +127,7 @@ impl DiskCache {
         let part = path.with_extension(format!("{}.{UNDER_WAY}", oocpt_files::unique_number()));
         under_way::begin(&part);
         let create = || File::options().write(true).create_new(true).open(&part);
-        let begun =
-            oocpt_files::create_in(&self.folder, create).and_then(|file| TxWriter::new(file, description));
+        let begun = oocpt_files::create_in(&self.folder, create).and_then(|file| TxWriter::new(file, description));
         match begun {
             Ok(writer) => Some(PendingEntry { cache: self, writer: Some(writer), part, path }),
             Err(error) => {
@@ -393,6 +386,65 @@ mod tests {
         assert_eq!(there, ["a", "b", "d"], "c was not used for longest");
         assert!(!left.exists(), "what was left behind is gone");
         assert!(foreign.exists(), "a file that is none of ours stays");
+    }
+
+    /// What another process would find.
+    fn another(cache: &DiskCache) -> DiskCache {
+        DiskCache::new(cache.folder.clone(), cache.limit)
+    }
+
+    #[test]
+    fn entries_that_a_process_uses_are_not_evicted() {
+        let one = add(&cache("size", 0), "0", 1).bytes();
+        let cache = cache("used", 2 * one);
+        let (mine, found) = (add(&cache, "a", 1), another(&cache));
+        let found = found.find("a").expect("there");
+        drop(mine);
+        let other = another(&cache);
+        for key in 0..20 {
+            add(&other, &key.to_string(), 2);
+        }
+        assert!(another(&cache).find("a").is_some(), "a process has found it");
+        assert_eq!(files(&cache), 2, "all others but the newest are gone");
+        drop(found);
+        add(&other, "b", 2);
+        assert!(another(&cache).find("a").is_none(), "nobody uses it");
+    }
+
+    #[test]
+    fn processes_that_clean_one_folder_take_nothing_from_each_other() {
+        let one = add(&cache("sizes", 0), "0", 1).bytes();
+        let cache = cache("together", 4 * one);
+        let run = |first: u32| {
+            let own = another(&cache);
+            for step in 0..200 {
+                let value = u8::try_from((first + step * 7) % 12).expect("small");
+                let key = value.to_string();
+                let entry = own.find(&key).unwrap_or_else(|| add(&own, &key, value));
+                assert_eq!(texel(&entry), value, "of its own key");
+                // A process that has made room by then found no other use of it.
+                assert!(own.path(&key).exists(), "{key} is used");
+            }
+            assert!(own.take_complaint().is_none(), "all could be written");
+        };
+        std::thread::scope(|scope| {
+            for first in [0, 3, 6] {
+                scope.spawn(move || run(first));
+            }
+        });
+        drop(add(&another(&cache), "last", 1));
+        assert!(files(&cache) <= 4, "within the limit once nobody uses them");
+    }
+
+    #[test]
+    fn leftovers_of_processes_with_the_same_number_are_in_nobodys_way() {
+        let cache = cache("numbers", 1 << 20);
+        fs::create_dir_all(&cache.folder).expect("made");
+        for number in 0..100 {
+            let left = format!("{}-{number}.{UNDER_WAY}", std::process::id());
+            fs::write(cache.path("a").with_extension(left), b"").expect("written");
+        }
+        assert_eq!(texel(&add(&cache, "a", 1)), 1, "processes of containers have the same few numbers");
     }
 
     #[test]
