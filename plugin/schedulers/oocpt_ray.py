@@ -332,7 +332,8 @@ def parser() -> argparse.ArgumentParser:
     )  # fmt: skip
     options.add_argument("--out", required=True, help="EXR file; %%04d stands for the frame")
     options.add_argument("--target-error", type=error, default=0.0, metavar="RELMSE", help="0 renders all samples")
-    options.add_argument("--address", default="", help="of the cluster, such as auto; without, RAY_ADDRESS or a new one")
+    address = "of the cluster, such as auto; without, RAY_ADDRESS or a new one"
+    options.add_argument("--address", default="", help=address)
     options.add_argument("--cpus", type=float, default=1.0, help="of a block")
     options.add_argument("--gpus", type=float, default=0.0, help="of a block")
     options.add_argument("--retries", type=oocpt_farm.number(0, 10**6), default=8, help="of a block")

@@ -113,12 +113,19 @@ def efficiency(costs: FarmCosts, samples: int, workers: int, seconds: float) -> 
 
 def parser() -> argparse.ArgumentParser:
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    for name, value in FarmCosts.__dataclass_fields__.items():
-        if name == "as_they_come":
-            options.add_argument("--as-they-come", action="store_true")
-            continue
-        required = name in ("start", "sample")
-        options.add_argument(f"--{name}", type=float, required=required, default=None if required else value.default)
+    seconds = {"type": float, "metavar": "SECONDS"}
+    options.add_argument("--start", required=True, **seconds, help="of a task, beside its samples")
+    options.add_argument("--sample", required=True, **seconds, help="of all pixels")
+    options.add_argument("--part", default=0.0, **seconds, help="to write one")
+    options.add_argument("--picture", default=0.0, **seconds, help="of no part")
+    options.add_argument("--merge", default=0.0, **seconds, help="of each part")
+    options.add_argument("--cold", default=0.0, **seconds, help="more for the first task of a worker")
+    options.add_argument("--deaths", default=0.0, type=float, help="of a worker in an hour")
+    options.add_argument("--back", default=60.0, **seconds, help="until a worker that died is back")
+    options.add_argument("--spread", default=0.0, type=float, help="of how fast workers are, 0.05 is 5 %%")
+    options.add_argument("--slow", default=0.0, type=float, help="share of workers that are slow")
+    options.add_argument("--slowest", default=4.0, type=float, help="how many times as long these take")
+    options.add_argument("--as-they-come", action="store_true", help="parts are merged meanwhile")
     options.add_argument("--samples", type=int, default=1024)
     options.add_argument("--blocks", type=int, default=0, help="0 looks for the best number")
     options.add_argument("--workers", default="1,2,4,16,64,256,1024,4096,10000")

@@ -56,8 +56,9 @@ class Frame:
         return self.seconds([*program, *view, "--block", block, "--", "--disableCameraLight"])
 
     def picture(self, name: str, samples: int, blocks: int) -> float:
+        program = [sys.executable, FARM / "oocpt_farm.py", "picture"]
         out = ["--out", self.folder / f"{name}.exr"]
-        return self.seconds([sys.executable, FARM / "oocpt_farm.py", "picture", *self.common(name, samples, blocks), *out])
+        return self.seconds([*program, *self.common(name, samples, blocks), *out])
 
     def costs(self) -> oocpt_scaling.FarmCosts:
         """Start and sample from tasks of few and many samples, the picture from few and many parts."""

@@ -7,9 +7,9 @@
 Runs what the book tells users to run, through real schedulers on this machine: `openjd` (PyPI `openjd-cli`), `slurm`
 (Debian's `slurm-wlm` and `munge`, whose daemons this starts and stops, as root), `ray` (PyPI `ray`). OOCPT_OPENJD names
 the command, OOCPT_RAY_PYTHON the Python that has it. Each run draws moments and victims from its seed: SIGKILL or
-SIGTERM to a renderer, to the program of its task, or to what started that. A scheduler without retries is started again.
-Prints a line for each run; fails if a picture, its error, or the sums of its film differ in a bit, or if no run of a
-scheduler had a kill.
+SIGTERM to a renderer, to the program of its task, or to what started that. A scheduler without retries is started
+again. Prints a line for each run; fails if a picture, its error, or the sums of its film differ in a bit, or if no run
+of a scheduler had a kill.
 """
 
 from __future__ import annotations
@@ -155,10 +155,11 @@ SCHEDULERS = {"openjd": openjd, "slurm": slurm, "ray": ray}
 def merged_film(run: pathlib.Path) -> pathlib.Path:
     """The film of what is there."""
     films = sorted(run.glob("parts/frame.0001/*.film"))
-    if not any(film.name == "merged.film" for film in films):
-        subprocess.run(["oocpt", "film", "merge", *films, "--out", run / "merged.film"], check=True, capture_output=True)
-        return run / "merged.film"
-    return run / "parts/frame.0001/merged.film"
+    merged = run / "parts/frame.0001/merged.film"
+    if merged not in films:
+        merged = run / "merged.film"
+        subprocess.run(["oocpt", "film", "merge", *films, "--out", merged], check=True, capture_output=True)
+    return merged
 
 
 def results(run: pathlib.Path) -> tuple[bytes, dict, bytes]:
@@ -190,9 +191,10 @@ def run_once(number: int, name: str, folder: pathlib.Path, options: argparse.Nam
         killer.ended.set()
         killer.join()
     same = [one == other for one, other in zip(results(run), options.expected, strict=True)]
-    told = " ".join(f"{what} {'same' if is_same else 'DIFFERS'}" for what, is_same in zip(("picture", "error", "film"), same))
-    secs = time.monotonic() - begin
-    print(f"{name} {number}: {told}; {secs:.0f} s, started {starts} times; {', '.join(killer.sent) or 'no kill'}", flush=True)
+    parts = zip(("picture", "error", "film"), same, strict=True)
+    told = " ".join(f"{what} {'same' if is_same else 'DIFFERS'}" for what, is_same in parts)
+    told += f"; {time.monotonic() - begin:.0f} s, started {starts} times"
+    print(f"{name} {number}: {told}; {', '.join(killer.sent) or 'no kill'}", flush=True)
     if all(same):
         shutil.rmtree(run)
     return all(same), len(killer.sent)

@@ -47,7 +47,8 @@ def test_the_first_task_of_a_worker_fills_its_caches():
 
 def test_deaths_cost_what_the_exponential_law_says():
     """The expected time of work T that begins anew at each death, of rate r, with a pause p: (exp(r T) - 1)(1 / r + p).
-    Its standard deviation is below 1.2 times that here, so 4000 blocks give the mean to 2 %: three deviations are 6 %."""
+    Its
+    standard deviation is below 1.2 times that here, so 4000 blocks give the mean to 2 %: three deviations are 6 %."""
     costs = oocpt_scaling.FarmCosts(start=300.0, sample=1.0, deaths=6.0, back=60.0)
     rate, time = 6.0 / 3600.0, 301.0
     run = oocpt_scaling.simulate(costs, 4000, 4000, 1, seed=3)
