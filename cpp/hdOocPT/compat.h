@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 /// The only place where the shim depends on the version of OpenUSD that it is compiled for.
 ///
-/// Compiled: 25.08 and 26.03 (wheel hosts, declarations under cpp/abi) and 24.11 (SDK headers). For SDKs newer than that
-/// the switch follows their published interface and was not compiled here.
+/// Compiled: 25.08 and 26.03 (wheel hosts, declarations under cpp/abi) and 24.11 (SDK headers). For newer SDKs the
+/// switch follows their published interface and was not compiled here.
 #ifndef HDOOCPT_COMPAT_H
 #define HDOOCPT_COMPAT_H
 

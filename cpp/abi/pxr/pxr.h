@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 /// Version and namespace of the wheel host: OpenUSD 25.08 or 26.03 as bundled by its Python wheel.
 ///
-/// The build says which (OOCPT_ABI_VERSION). The wheels of headers name namespaces of their own versions; the build maps
-/// each of these names to the runtime's own with a -D flag. This folder holds interface declarations only, written from
-/// the runtime binaries.
+/// The build says which (OOCPT_ABI_VERSION). The wheels of headers name namespaces of their own versions; the build
+/// maps each of these names to the runtime's own with a -D flag. This folder holds interface declarations only, written
+/// from the runtime binaries.
 #ifndef OOCPT_ABI_PXR_H
 #define OOCPT_ABI_PXR_H
 

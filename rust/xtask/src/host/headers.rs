@@ -33,11 +33,11 @@ const HEADER_FOLDERS: &[(&str, &str)] = &[
 ];
 
 /// A correction of a header: file below `dev`, a text that has to be there once, and what stands there instead.
-type Correction = (&'static str, &'static str, &'static str);
+type HeaderCorrection = (&'static str, &'static str, &'static str);
 
-/// What 26.08 changed in Vt after 26.03: time codes are in Gf and known to Vt, before which they were in Sdf; a function
-/// of Tf that Vt asks while it is compiled needs no object.
-const CORRECTIONS_26_03: &[Correction] = &[
+/// What 26.08 changed in Vt after 26.03: time codes, which were Sdf's, are Gf's and known to Vt; a function of Tf that
+/// Vt asks while it is compiled needs no object.
+const CORRECTIONS_26_03: &[HeaderCorrection] = &[
     ("pxr-vt/include/pxr/vt/types.h", "#include <pxr/gf/timeCode.h>\n", ""),
     ("pxr-vt/include/pxr/vt/types.h", "VT_VALUE_TYPE_CAN_TRANSFORM(GfTimeCode);\n", ""),
     ("pxr-vt/include/pxr/vt/types.h", " \\\nVT_TIMECODE_VALUE_TYPES\n", "\n"),
@@ -50,7 +50,7 @@ const CORRECTIONS_26_03: &[Correction] = &[
     ),
 ];
 
-fn corrections(host: &WheelHost) -> &'static [Correction] {
+fn corrections(host: &WheelHost) -> &'static [HeaderCorrection] {
     if host.usd == "26.03" { CORRECTIONS_26_03 } else { &[] }
 }
 

@@ -149,6 +149,30 @@ fn remove(folder: &Path) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::places::{WHEEL_HOSTS, WheelHost};
+
+    #[test]
+    fn the_book_lists_the_hosts() {
+        let repo = RootFolders::from_env().unwrap().repo;
+        let read = |file: &str| fs::read_to_string(repo.join(file)).unwrap();
+        let page = read("rust/book/src/hosts.md");
+        let is_version = |line: &&str| line.starts_with("| 2");
+        let listed: Vec<_> =
+            page.lines().filter(is_version).map(|line| line.split(" | ").collect::<Vec<_>>()).collect();
+        let of_wheels: Vec<_> = listed.iter().filter(|row| row[1].starts_with("`bpy==")).map(|row| &row[..3]).collect();
+        let known =
+            |host: &WheelHost| [format!("| {}", host.usd), format!("`bpy=={}`", host.bpy), host.python.to_owned()];
+        assert_eq!(of_wheels, WHEEL_HOSTS.iter().map(known).collect::<Vec<_>>(), "the wheel hosts");
+        // `cpp/abi` serves these runtimes, the shim none that is older than the oldest.
+        let number = |usd: &str| usd.trim_start_matches("| ").replace('.', "");
+        let served = read("cpp/abi/pxr/pxr.h");
+        for host in &WHEEL_HOSTS {
+            assert!(served.contains(&format!("OOCPT_ABI_VERSION != {}", number(host.usd))), "{}", host.usd);
+        }
+        assert_eq!(served.matches("OOCPT_ABI_VERSION != ").count(), WHEEL_HOSTS.len(), "and no other");
+        let oldest = listed.iter().map(|row| number(row[0])).min().unwrap();
+        assert!(read("cpp/hdOocPT/compat.h").contains(&format!("#if PXR_VERSION < {oldest}\n")), "{oldest}");
+    }
 
     #[test]
     fn a_stamp_must_match_wholly() {
