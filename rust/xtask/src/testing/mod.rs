@@ -104,13 +104,18 @@ impl GroupQueue {
 }
 
 /// Builds everything and runs all tests of an extent; every group runs, even if another failed. The product is built
-/// while Rust tests run: a build has seldom work for all processors.
+/// while Rust tests run: a build has seldom work for all processors. Rust tests ask no host: for another one than the
+/// default there are Python tests alone.
 ///
 /// # Errors
 /// Names the groups that failed, or says why a build did.
 pub(crate) fn run(places: &RootFolders, interpreter: &PythonInterpreter, extent: TestExtent<'_>) -> Result<()> {
-    let messages = timed("building the workspace", || product::build_tests(places))?;
-    let programs: Vec<TestProgram> = messages.lines().filter_map(TestProgram::of_message).collect();
+    let programs: Vec<TestProgram> = if places.wheel.is_default() {
+        let messages = timed("building the workspace", || product::build_tests(places))?;
+        messages.lines().filter_map(TestProgram::of_message).collect()
+    } else {
+        Vec::new()
+    };
     let has_gpu = system::has_gpu();
     let queue = GroupQueue::default();
     queue.add(groups::of_programs(places, &programs, extent, has_gpu)?, false);
