@@ -116,6 +116,8 @@ pub struct DenoiserUsage {
     pub seconds: f64,
     /// The colour that hosts see is denoised, and not only an image beside it.
     pub replaces_color: bool,
+    /// The images were denoised where the device has them, not copied to the host before.
+    pub in_place: bool,
     /// Its error against a reference picture.
     pub truth: Option<TrueError>,
 }
