@@ -316,6 +316,8 @@ pub struct StreamingStats {
     pub chunks_touched: u64,
     /// Chunks whose load completed.
     pub loads: u64,
+    /// How often a ray, or the materials of a hit, waited for a load.
+    pub waits: u64,
     /// Part of `loads`: chunks that had been resident before.
     pub reloads: u64,
     /// Chunks evicted.

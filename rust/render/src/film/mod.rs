@@ -300,7 +300,7 @@ impl Film {
         self.filtered.as_ref().map_or_else(Vec::new, FilteredPlanes::expressions)
     }
 
-    /// Values that a sample has for these and for shadows.
+    /// Values that a sample has for these, for shadows and waits.
     pub(crate) fn light_words(&self) -> u32 {
         self.filtered.as_ref().map_or(0, FilteredPlanes::light_words)
     }
@@ -446,6 +446,7 @@ impl Film {
                 AovKind::MaterialId => &mut frame.aov.material_id,
                 AovKind::Shadow => &mut frame.aov.shadow,
                 AovKind::ShadowCatcher => &mut frame.aov.shadow_catcher,
+                AovKind::LoadWaits => &mut frame.aov.load_waits,
             };
             *address = plane.address();
         }
@@ -614,6 +615,7 @@ fn bind_clear(frame: &mut FrameConstants, aov: &AovRequest) {
         | AovKind::Error
         | AovKind::Shadow
         | AovKind::ShadowCatcher
+        | AovKind::LoadWaits
         | AovKind::Denoised
         | AovKind::Primvar(_)
         | AovKind::Light(_) => {}

@@ -40,6 +40,7 @@ const ROWS: [SourceRow; 24] = [
     row(AovKind::MaterialId, "I", 0, &["materialId"]),
     row(AovKind::Shadow, "RGB", 0, &["shadow", "shadows", "occluded", "shadow_matte"]),
     row(AovKind::ShadowCatcher, "A", 0, &["shadowCatcher", "shadow_catcher"]),
+    row(AovKind::LoadWaits, "N", 0, &["loadWaits", "chunkLoads"]),
     row(AovKind::SampleCount, "N", 0, &["sampleCount"]),
     row(AovKind::Position, "XYZ", 0, &["position", "P", "Pworld", "__Pworld", "worldPosition", "hitP", "ray:hitP"]),
     row(AovKind::Peye, "XYZ", 0, &["Peye"]),
