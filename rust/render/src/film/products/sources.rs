@@ -22,7 +22,7 @@ const fn row(kind: AovKind, parts: &'static str, first: usize, names: &'static [
 }
 
 /// Names of raw and intrinsic sources; compared without regard to case where none is alike in its case.
-const ROWS: [SourceRow; 24] = [
+const ROWS: [SourceRow; 25] = [
     row(AovKind::Color, "RGBA", 0, &["color", "Ci", "C", "rgba", "rgb", "beauty", "combined"]),
     row(AovKind::Color, "A", 3, &["a", "alpha", "opacity"]),
     row(AovKind::CameraDepth, "Z", 0, &["z", "cameraDepth", "linearDepth", "hitPz", "ray:hitPz"]),
