@@ -57,7 +57,8 @@ mod tests;
 pub use buffer::Buffer;
 pub use commands::{CommandList, MAX_UPDATE_BYTES};
 pub use denoiser::{
-    DenoiseOptions, DenoiseQuality, DenoiserDevice, DenoiserError, FloatImage, NoisyPicture, PictureBuffers, SharedFilters,
+    DenoiseOptions, DenoiseQuality, DenoiserDevice, DenoiserError, FloatImage, NoisyPicture, PictureBuffers,
+    SharedFilters,
 };
 pub use device::budget::MemoryUse;
 pub use device::options::OpenOptions;

@@ -195,14 +195,17 @@ mod tests {
         };
         for quality in [DenoiseQuality::Fast, DenoiseQuality::High] {
             let mut out = color.clone();
-            denoiser.denoise(&picture, (&mut out, 4), DenoiseOptions { quality, most_mib: Some(512) }, &|| true).expect("a picture");
+            denoiser
+                .denoise(&picture, (&mut out, 4), DenoiseOptions { quality, most_mib: Some(512) }, &|| true)
+                .expect("a picture");
             let spread = |floats: &[f32]| {
                 let squares = floats.chunks_exact(4).map(|pixel| (pixel[1] - 1.0).powi(2)).sum::<f32>();
                 squares / 6144.0
             };
             assert!(spread(&color) > 0.3 && spread(&out) < 0.02, "{} {}", spread(&color), spread(&out));
             assert!(out.chunks_exact(4).all(|pixel| pixel[3] == 0.25), "the fourth float stays");
-            let given_up = denoiser.denoise(&picture, (&mut out, 4), DenoiseOptions { quality, most_mib: None }, &|| false);
+            let given_up =
+                denoiser.denoise(&picture, (&mut out, 4), DenoiseOptions { quality, most_mib: None }, &|| false);
             assert_eq!(given_up, Err(DenoiserError::Cancelled));
         }
         let short = NoisyPicture { albedo: image(&flat[3..]), ..picture };

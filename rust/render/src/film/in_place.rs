@@ -10,8 +10,7 @@ use crate::device::WAVE_TIMEOUT;
 use crate::job::aov::AovKind;
 use crate::sync::lock;
 use oocpt_gpu::{
-    Buffer, BufferUsage, DenoiseOptions, DenoiserDevice, DenoiserError, Gpu, GpuError, PictureBuffers,
-    SharedFilters,
+    Buffer, BufferUsage, DenoiseOptions, DenoiserDevice, DenoiserError, Gpu, GpuError, PictureBuffers, SharedFilters,
 };
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};

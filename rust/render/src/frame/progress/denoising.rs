@@ -96,11 +96,7 @@ impl FrameProgress<'_> {
     fn denoised(
         &self,
         is_last: bool,
-        filter: impl FnOnce(
-            &DenoiserDevice,
-            DenoiseOptions,
-            &dyn Fn() -> bool,
-        ) -> Result<Option<Vec<f32>>, DenoiserError>,
+        filter: impl FnOnce(&DenoiserDevice, DenoiseOptions, &dyn Fn() -> bool) -> Result<Option<Vec<f32>>, DenoiserError>,
     ) -> Option<DenoisedPicture> {
         let denoising = self.denoising.as_ref()?;
         let gate = FrameGate::new(self.shared, self.generation);
