@@ -32,7 +32,7 @@ const FULL: &str = "OOCPT_TEST_FULL";
 const AT_A_TIME: usize = 3;
 /// A test without output for so long hangs.
 const PATIENCE: Duration = Duration::from_secs(900);
-/// Number of slowest tests that are listed.
+/// Number of tests that are listed, those that take most processor time.
 const LISTED: usize = 30;
 
 /// The tests to run, and their extent.
@@ -148,11 +148,12 @@ fn run_groups(queue: &GroupQueue, workers: usize) -> Result<Vec<String>> {
         while let Some(mut group) = queue.next() {
             let started = Instant::now();
             let watched = WatchedProcess { mark: &format!("[{}] ", group.name), patience: PATIENCE };
-            let (status, tests) = watched.run(&mut group.command)?;
-            let passes = (group.passes)(status);
+            let ended = watched.run(&mut group.command)?;
+            let passes = (group.passes)(ended.status);
             let ending = if passes { "passed" } else { "FAILED" };
-            say(format_args!("{}: {} s, {ending}", group.name, started.elapsed().as_secs()));
-            durations.lock().unwrap_or_else(PoisonError::into_inner).extend(tests);
+            let (wall, processor) = (started.elapsed().as_secs(), ended.processor_time.as_secs());
+            say(format_args!("{}: {wall} s, {processor} s of processor time, {ending}", group.name));
+            durations.lock().unwrap_or_else(PoisonError::into_inner).extend(ended.tests);
             if !passes {
                 failed.push(group.name);
             }
