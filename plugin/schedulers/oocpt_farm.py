@@ -243,7 +243,13 @@ def parser() -> argparse.ArgumentParser:
 
 def main() -> int:
     arguments = parser().parse_args()
-    return arguments.run(arguments)
+    try:
+        return arguments.run(arguments)
+    except FileNotFoundError as error:
+        if error.filename != "oocpt":
+            raise
+        print("openjd_fail: oocpt is not in the path of this worker", flush=True)
+        return 1
 
 
 if __name__ == "__main__":

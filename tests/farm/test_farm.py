@@ -208,3 +208,11 @@ def test_the_array_of_slurm_tries_again_what_may_succeed(tmp_path, variables):
         ends(start(["sh", FARM / "slurm_array.sh"], told), status)
         assert asked.exists() == is_again, f"{status} after {restarts} restarts"
         asked.unlink(missing_ok=True)
+
+
+def test_a_worker_without_oocpt_says_so(tmp_path, variables):
+    words = [sys.executable, FARM / "oocpt_farm.py", "picture", "--folder", tmp_path, *WHERE, "--out", "o.exr"]
+    (tmp_path / "frame.0001").mkdir()
+    (tmp_path / "frame.0001/samples.00000000-00000001.film").touch()
+    said = ends(start(words, variables | {"PATH": str(tmp_path)}), 1)
+    assert said == "openjd_fail: oocpt is not in the path of this worker\n", said
