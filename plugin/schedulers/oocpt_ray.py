@@ -22,6 +22,7 @@ import sys
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import ModuleType
 
 HERE = Path(__file__).resolve().parent
 if str(HERE) not in sys.path:
@@ -158,11 +159,9 @@ def is_enough(errors: Iterable[dict], target: float) -> bool:
 
 def run_part(folder: str, words: list[str]) -> None:
     """A task of Ray: runs the program of a task, which ends with its worker."""
-    import subprocess
-    import sys
-
     if folder not in sys.path:
         sys.path.insert(0, folder)
+    # The module of the worker: the one above is of the driver's machine.
     import oocpt_farm
 
     done = subprocess.run(
@@ -248,7 +247,7 @@ class FrameFilm:
         return FrameResult(out, self.samples(facts), (last["low"], last["high"]) if last else None)
 
 
-def room(ray: object, workers: RayWorkers) -> int:
+def room(ray: ModuleType, workers: RayWorkers) -> int:
     """How many blocks the cluster takes at a time."""
     have = ray.cluster_resources()
     kinds = [(have.get("CPU", 0.0), workers.cpus), (have.get("GPU", 0.0), workers.gpus)]
@@ -263,6 +262,16 @@ def render(frame: RayFrame, workers: RayWorkers = RayWorkers(), tell: Callable[[
     import ray
 
     film = FrameFilm(frame)
+    try:
+        _render(ray, film, workers, tell)
+        return film.result()
+    finally:
+        film.lock.close()
+
+
+def _render(ray: ModuleType, film: FrameFilm, workers: RayWorkers, tell: Callable[[str], None]) -> None:
+    """Brings the film to what its frame needs."""
+    frame = film.frame
     plan = BlockPlan(frame.blocks, frame.target_error > 0, film.blocks())
     film.remove_merged(plan.merged)
     has_started = not ray.is_initialized()
@@ -277,11 +286,13 @@ def render(frame: RayFrame, workers: RayWorkers = RayWorkers(), tell: Callable[[
     finally:
         if has_started:
             ray.shutdown()
-    return film.result()
 
 
 def _hand_out(
-    ray: object, start: Callable[[int], object], state: tuple[BlockPlan, FrameFilm, int], tell: Callable[[str], None]
+    ray: ModuleType,
+    start: Callable[[int], object],
+    state: tuple[BlockPlan, FrameFilm, int],
+    tell: Callable[[str], None],
 ) -> None:
     """Hands out blocks, at most so many at a time, until the film has what it needs."""
     plan, film, most = state
@@ -304,7 +315,7 @@ def _hand_out(
             ray.cancel(one, force=True)
 
 
-def _wait(ray: object, under_way: dict[object, int], plan: BlockPlan) -> None:
+def _wait(ray: ModuleType, under_way: dict[object, int], plan: BlockPlan) -> None:
     """Waits for a block, and takes all that are there by then."""
     ray.wait(list(under_way), num_returns=1)
     for one in ray.wait(list(under_way), num_returns=len(under_way), timeout=0)[0]:
