@@ -4,7 +4,7 @@
 #
 #   SCENE=shot.usda FOLDER=/shared/shot FRAME=7 SAMPLES=1024 BLOCKS=16 sh slurm_array.sh
 #
-# CAMERA, WIDTH, OUT, CACHES, FLAGS (of usdrecord) and SBATCH (flags of sbatch, such as "--gres=gpu:1") are optional, and
+# CAMERA, WIDTH, OUT, CACHES, FLAGS (of usdrecord), SBATCH (flags of sbatch, such as "--gres=gpu:1") are optional, and
 # RETRIES, how often a task is queued again.
 # A task that is preempted, or runs out of time, gets SIGTERM 60 s before it is killed: it writes what it has, is queued
 # again, and goes on from there. So does one whose node fails, from its last octave of samples.
