@@ -44,6 +44,8 @@ Requires-Dist: bpy=={bpy}
 Requires-Dist: numpy
 Provides-Extra: denoise
 Requires-Dist: pyoidn; extra == "denoise"
+Provides-Extra: ray
+Requires-Dist: ray; extra == "ray"
 Description-Content-Type: text/markdown
 
 {description}"""

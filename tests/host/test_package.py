@@ -183,6 +183,14 @@ def test_the_record_lists_every_file_with_its_hash(wheel):
         assert (digest, int(size)) == (f"sha256={expected}", len(entries[file])), file
 
 
+def test_programs_of_farms_are_in_the_package(wheel):
+    names = {path.name for path in (REPOSITORY / "plugin/schedulers").iterdir() if path.is_file()}
+    packed = entries_of(wheel)
+    assert names == {name.rsplit("/", 1)[1] for name in packed if name.startswith("oocpt/schedulers/")}, names
+    metadata = next(text for name, text in packed.items() if name.endswith("/METADATA")).decode()
+    assert 'Provides-Extra: ray\nRequires-Dist: ray; extra == "ray"\n' in metadata, metadata
+
+
 def test_the_metadata_pin_the_host_and_tell_the_c_library(wheel):
     entries = entries_of(wheel)
     metadata = next(text for name, text in entries.items() if name.endswith("/METADATA")).decode()
