@@ -3,6 +3,8 @@
 
     python pack.py --plugin build/wheel/plugin --command target/product/fast/oocpt --out build/dist
 
+The host is the default one unless `--openusd`, `--bpy` and `--python` name another, which the plugin was built for.
+
 The wheel is the same bytes for the same input. Compiled files quote paths of their sources in messages; the folders of
 this machine in them are overwritten, at the same length. The path of the wheel is printed.
 """
@@ -14,6 +16,7 @@ import base64
 import hashlib
 import os
 import re
+import runpy
 import shutil
 import sys
 import tempfile
@@ -26,6 +29,8 @@ sys.path.insert(0, str(HERE))
 
 import libraries  # noqa: E402  beside this file
 
+# The default host, as the package in the clone names it; importing the package would need numpy.
+PINS = runpy.run_path(str(HERE / "oocpt/_pins.py"))
 # The package's scripts that the clone has in other places.
 SCRIPTS = {"plugin/usdrecord": "_usdrecord.py", "plugin/texture-host": "_texture_host.py",
            "plugin/aov_reader.py": "_aov_reader.py"}  # fmt: skip
@@ -39,7 +44,7 @@ Summary: An out-of-core path tracer for USD's Hydra on Vulkan GPUs: usdrecord, a
 License: Apache-2.0
 Classifier: Operating System :: POSIX :: Linux
 Classifier: Topic :: Multimedia :: Graphics :: 3D Rendering
-Requires-Python: ==3.11.*
+Requires-Python: =={python}.*
 Requires-Dist: bpy=={bpy}
 Requires-Dist: numpy
 Provides-Extra: denoise
@@ -57,17 +62,23 @@ def version() -> str:
     return re.search(r'\[workspace\.package\][^\[]*?version = "([^"]+)"', text)[1]
 
 
-def bpy_version() -> str:
-    """The host that the plugin was built for: the pin of `cargo xtask`, whose default host is the first one."""
-    pins = (REPOSITORY / "rust/xtask/src/host/wheels.rs").read_text(encoding="utf-8")
-    return re.search(r'Runtime "[^"]+" "bpy==([^"]+)"', pins)[1]
+def with_pins(text: str, host: argparse.Namespace) -> str:
+    """A text of the package in which the default host's versions are those of `host`."""
+    for name in ("openusd", "bpy", "python"):
+        default = PINS[name.upper()]
+        if default not in text:
+            raise SystemExit(f"a text of the package does not name the host's {default}")
+        text = text.replace(default, f"{{{name}}}")
+    return text.format(openusd=host.openusd, bpy=host.bpy, python=host.python)
 
 
-def copy_python(package: Path) -> None:
+def copy_python(package: Path, host: argparse.Namespace) -> None:
     shutil.copytree(HERE / "oocpt", package, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copytree(
         REPOSITORY / "plugin/schedulers", package / "schedulers", ignore=shutil.ignore_patterns("__pycache__")
     )
+    pins = package / "_pins.py"
+    pins.write_text(with_pins(pins.read_text(encoding="utf-8"), host), encoding="utf-8")
     for source, name in SCRIPTS.items():
         shutil.copyfile(REPOSITORY / source, package / name)
     for name in ("usdrecord", "oocpt-texture-host"):
@@ -156,14 +167,16 @@ def newest_glibc(root: Path) -> tuple[int, int]:
     return libraries.newest_glibc(compiled)
 
 
-def write_metadata(root: Path, tag: str, licences: dict[str, str]) -> None:
+def write_metadata(root: Path, tag: str, licences: dict[str, str], host: argparse.Namespace) -> None:
     info = root / f"oocpt-{version()}.dist-info"
     (info / "licenses/libraries").mkdir(parents=True)
     shutil.copyfile(REPOSITORY / "LICENSE", info / "licenses/LICENSE")
     for package, text in licences.items():
         (info / "licenses/libraries" / f"{package}.txt").write_text(text, encoding="utf-8")
-    description = (HERE / "README.md").read_text(encoding="utf-8")
-    metadata = METADATA.format(version=version(), bpy=bpy_version(), description=description)
+    readme = (HERE / "README.md").read_text(encoding="utf-8")
+    intro, code, rest = readme.rpartition("```\n")
+    description = intro + code + with_pins(rest, host)
+    metadata = METADATA.format(version=version(), bpy=host.bpy, python=host.python, description=description)
     (info / "METADATA").write_text(metadata, encoding="utf-8")
     (info / "WHEEL").write_text(f"Wheel-Version: 1.0\nGenerator: oocpt\nRoot-Is-Purelib: false\nTag: {tag}\n")
     (info / "entry_points.txt").write_text("[console_scripts]\noocpt = oocpt.__main__:main\n")
@@ -195,15 +208,16 @@ def pack(arguments: argparse.Namespace) -> Path:
         root = Path(scratch) / "root"
         package = root / "oocpt"
         root.mkdir()
-        copy_python(package)
+        copy_python(package, arguments)
         copy_plugin(arguments.plugin, package / "plugin")
         copy_command(arguments.command, package)
         packed = copy_readers(package / "plugin", Path(scratch) / "stand-ins")
         licences = libraries.licence_texts(packed + copy_host_libraries(package / "lib"))
         try_readers(package / "plugin")
         major, minor = newest_glibc(package)
-        tag = f"cp311-cp311-manylinux_{major}_{minor}_x86_64"
-        write_metadata(root, tag, licences)
+        python = f"cp{arguments.python.replace('.', '')}"
+        tag = f"{python}-{python}-manylinux_{major}_{minor}_x86_64"
+        write_metadata(root, tag, licences, arguments)
         arguments.out.mkdir(parents=True, exist_ok=True)
         wheel = arguments.out / f"oocpt-{version()}-{tag}.whl"
         write_wheel(root, wheel)
@@ -215,6 +229,9 @@ def main() -> None:
     parser.add_argument("--plugin", type=Path, required=True, help="folder with hdOocPT.so")
     parser.add_argument("--command", type=Path, required=True, help="the Rust program oocpt")
     parser.add_argument("--out", type=Path, required=True, help="folder to write the wheel to")
+    parser.add_argument("--openusd", default=PINS["OPENUSD"], help="OpenUSD's version of the host")
+    parser.add_argument("--bpy", default=PINS["BPY"], help="version of the package that it is part of")
+    parser.add_argument("--python", default=PINS["PYTHON"], help="its Python")
     arguments = parser.parse_args()
     print(pack(arguments))
 

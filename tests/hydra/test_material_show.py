@@ -81,8 +81,9 @@ def test_a_preview_surface_is_shown_with_its_warning_once(oocpt, tmp_path):  # n
     assert text.count("was not found") == 1 and "/World/M/T" in text.split("warnings")[1], text
 
 
-def test_a_material_that_nothing_shows_is_found_by_its_path(oocpt, tmp_path):  # noqa: F811
-    """A library of materials: no camera, no mesh, no default prim."""
+def test_a_material_that_nothing_shows_is_found_by_its_path(oocpt, tmp_path, monkeypatch):  # noqa: F811
+    """A library of materials: no camera, no mesh, no default prim. The new front end lists it without being asked."""
+    monkeypatch.setenv("USDIMAGINGGL_ENGINE_ENABLE_SCENE_INDEX", "0")
     scene = tmp_path / "library.usda"
     scene.write_text("#usda 1.0\n" + OPEN_PBR.replace("World/M", "M").replace('"ND_mix_color3"', '"ND_blur_color3"'))
     assert shown(oocpt, scene) == "0 materials\n"

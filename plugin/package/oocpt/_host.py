@@ -10,12 +10,14 @@ import sys
 from collections.abc import Iterable
 from pathlib import Path
 
+from oocpt import _pins
+
 PACKAGE = Path(__file__).resolve().parent
 COMMAND = PACKAGE / "bin/oocpt"
-_SITE = "5.0/python/lib/python3.11/site-packages"
+_SITE = f"{_pins.BPY.rpartition('.')[0]}/python/lib/python{_pins.PYTHON}/site-packages"
 _NO_HOST = (
-    "the package bpy 5.0.1, whose OpenUSD renders, is not installed for this Python: pip install bpy==5.0.1 "
-    "(Python 3.11)"
+    f"the package bpy {_pins.BPY}, whose OpenUSD renders, is not installed for this Python: "
+    f"pip install bpy=={_pins.BPY} (Python {_pins.PYTHON})"
 )
 
 

@@ -79,7 +79,10 @@ enum XtaskCommand {
         prefix: PathBuf,
     },
     /// Pack plugin, `usdrecord` and command as a Python package into `build/dist`, for `pip install`
-    Wheel,
+    Wheel {
+        #[command(flatten)]
+        host: HostArgument,
+    },
     /// Pack plugin and add-on as an extension of Blender 5.0 into `build/dist`, to install from disk
     Blender,
     /// Run all tests, or those whose name contains FILTER; for another host than the default one, those that ask it
@@ -153,7 +156,10 @@ fn perform(task: XtaskCommand) -> Result<()> {
         XtaskCommand::Build { host } => build(&of(host)).map(drop),
         XtaskCommand::Record { arguments } => record(&places, &arguments),
         XtaskCommand::Env { host } => print_env(&of(host)),
-        XtaskCommand::Wheel => product::pack(&places, &set_up(&places)?),
+        XtaskCommand::Wheel { host } => {
+            let places = of(host);
+            product::pack(&places, &set_up(&places)?)
+        }
         XtaskCommand::Blender => product::pack_for_blender(&places, &set_up(&places)?),
         XtaskCommand::Install { usd, prefix } => install(&places, &usd, &prefix),
         XtaskCommand::Test { filter, full, host } => {

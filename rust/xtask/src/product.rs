@@ -131,6 +131,8 @@ pub(crate) fn pack(places: &RootFolders, interpreter: &PythonInterpreter) -> Res
     pack.arg("--plugin").arg(places.wheel_build().join("plugin"));
     pack.arg("--command").arg(kept(places, PROFILE, COMMAND_FILE));
     pack.arg("--out").arg(places.repo.join("build/dist"));
+    let host = places.wheel;
+    pack.args(["--openusd", host.usd, "--bpy", host.bpy, "--python", host.python]);
     run(&mut pack)
 }
 

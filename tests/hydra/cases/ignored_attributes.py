@@ -5,6 +5,7 @@ Lights give irradiance pi on what faces them, so albedo 0.5 shines with 0.5. Dir
 """
 
 import math
+import os
 
 from cases.case import Case
 
@@ -21,8 +22,14 @@ def _settings(file, values, why, **more):
     return Case(file, (4, 1), cells, why, **{"inset": 0.25, "samples": 16, **more})
 
 
+# What we say of prims that the old front end hands over from OpenUSD 26.03 on; before, the host said that it did not.
+_HANDED_OVER = ("/G: a pluginLight", "/V: a volume")
+
+
 def _left_out(file, value, why, *says):
     """What the old front end's host says, and what the new one's or we do."""
+    if os.environ.get("OOCPT_HOST_ROOT", "").endswith("26.03") and says[1].startswith(_HANDED_OVER):
+        says = (says[1], says[1])
     return [
         Case(
             file, (1, 1), {(0, 0): value}, why, bounces=0, inset=0.25, samples=256, variant=variant,

@@ -170,6 +170,10 @@ mod tests {
             assert!(served.contains(&format!("OOCPT_ABI_VERSION != {}", number(host.usd))), "{}", host.usd);
         }
         assert_eq!(served.matches("OOCPT_ABI_VERSION != ").count(), WHEEL_HOSTS.len(), "and no other");
+        let pins = read("plugin/package/oocpt/_pins.py");
+        let WheelHost { usd, bpy, python } = &WHEEL_HOSTS[0];
+        let default = format!("OPENUSD = \"{usd}\"\nBPY = \"{bpy}\"\nPYTHON = \"{python}\"\n");
+        assert!(pins.ends_with(&default), "the package is for the default host");
         let oldest = listed.iter().map(|row| number(row[0])).min().unwrap();
         assert!(read("cpp/hdOocPT/compat.h").contains(&format!("#if PXR_VERSION < {oldest}\n")), "{oldest}");
     }
