@@ -2,8 +2,8 @@
 // Starts paths at the camera, one per thread: those of a wave or, with streaming, of the segment whose index is in
 // push.flags, in the free slots from push.arg0 on. In core, with textures: a wave that is traced again (PUSH_RETRACE)
 // starts only the paths that lacked a tile, and a wave behind an incomplete one starts none. Reads: FrameConstants.
-// Writes: rays, paths, radiance of every path; with LOAD_WAITS light_values. In core: ray_queue[0] and WavefrontCounters::ray_count[0]. With
-// streaming: the segment, progress; pushes to ray_queue[round & 1].
+// Writes: rays, paths, radiance of every path; with LOAD_WAITS light_values. In core: ray_queue[0] and
+// WavefrontCounters::ray_count[0]. With streaming: the segment, progress; pushes to ray_queue[round & 1].
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "wavefront/wavefront.glsl"

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Writes the filtered images so far: one thread per pixel. Reads: film (the number of samples),
 // FrameConstants::plane_sums. Writes: the planes of FrameConstants::aov that PlaneOffsets has, primvar_images that are
-// filtered, those of shadows and waits, and light_images, which are times the camera's exposure as `color`. Adaptive: half of
-// each stream, as `resolve`. A pixel without a sample is clear.
+// filtered, those of shadows and waits, and light_images, which are times the camera's exposure as `color`. Adaptive:
+// half of each stream, as `resolve`. A pixel without a sample is clear.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "wavefront/wavefront.glsl"

@@ -148,10 +148,13 @@ mod tests {
         let gpu = open();
         let denoiser = DenoiserDevice::open(Some(&library()), Some(gpu.report().uuid)).expect("Open Image Denoise");
         let noisy = noise(SIZE[0] * SIZE[1]);
-        let guide: Vec<f32> = noisy.chunks_exact(4).flat_map(|pixel| [0.1 * pixel[0], 0.5, 0.25]).collect();
+        let of_noise = |of: [f32; 3], y, z| -> Vec<f32> {
+            noisy.chunks_exact(4).flat_map(|pixel| [of[0] * pixel[0] + of[1] * pixel[1] + of[2], y, z]).collect()
+        };
+        let guides = [of_noise([0.1, 0.0, 0.0], 0.5, 0.25), of_noise([0.0, 0.4, -0.4], 0.8, -0.1)];
         for quality in [DenoiseQuality::Fast, DenoiseQuality::High] {
             let options = DenoiseOptions { quality, most_mib: None };
-            let [color, albedo, normal] = [&noisy, &guide, &guide].map(|image| exported(&gpu, image));
+            let [color, albedo, normal] = [&noisy, &guides[0], &guides[1]].map(|image| exported(&gpu, image));
             let picture = PictureBuffers { size: SIZE, color: &color, albedo: &albedo, normal: &normal };
             let shared = denoiser.share(&picture, options).expect("no failure");
             let is_one = gpu.report().kind == DeviceKind::Cpu && denoiser.opened.is_processor();
@@ -161,12 +164,13 @@ mod tests {
             write(&gpu, &noisy, &color);
             shared.run(&|| true).expect("denoised");
             let mut out = noisy.clone();
-            let [noisy_image, guide_image] =
-                [(&noisy, 4), (&guide, 3)].map(|(floats, stride)| FloatImage { floats, stride });
-            let copies = NoisyPicture { size: SIZE, color: noisy_image, albedo: guide_image, normal: guide_image };
+            let images = [(&noisy, 4), (&guides[0], 3), (&guides[1], 3)];
+            let [color_image, albedo_image, normal_image] =
+                images.map(|(floats, stride)| FloatImage { floats, stride });
+            let copies = NoisyPicture { size: SIZE, color: color_image, albedo: albedo_image, normal: normal_image };
             denoiser.denoise(&copies, (&mut out, 4), options, &|| true).expect("denoised");
             assert!(out != noisy && read(&gpu, &color) == out, "{quality:?}");
-            assert!(read(&gpu, &albedo) == guide && read(&gpu, &normal) == guide, "{quality:?}");
+            assert!(read(&gpu, &albedo) == guides[0] && read(&gpu, &normal) == guides[1], "{quality:?}");
         }
         assert_eq!(gpu.take_validation_messages(), Vec::<String>::new());
     }

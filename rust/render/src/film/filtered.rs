@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Images that are filtered with the samples: for each the mean over a pixel's samples of what they meet first, or of
 //! the light that they meet on the paths of an expression, or how much of the light that shadow rays ask for arrives,
-//! or how often they wait for loads, or the ids of what they meet first, ranked by their number, or what they meet first by its depth. Values lie in this
-//! order.
+//! or how often they wait for loads, or the ids of what they meet first, ranked by their number, or what they meet
+//! first by its depth. Values lie in this order.
 //!
 //! A sample leaves its values for all of them, one after the other, at its path or, while streaming, at its place in a
 //! segment; before its light is added to the film they are added to the sums of its pixel, in the same order. So their

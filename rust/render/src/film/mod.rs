@@ -137,7 +137,7 @@ pub(crate) struct Film {
     measured: [u32; 2],
     /// The bits of told relMSE over the mean of `s` of the pixels ([`ErrorSums`]), as known last.
     error_scale: AtomicU32,
-    /// Dropped before the images that it works in.
+    /// Keeps the memory that it works in.
     denoiser: FilmDenoiser,
     /// One copy of every wanted image, then the counters.
     readback: Buffer,

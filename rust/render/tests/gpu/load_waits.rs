@@ -11,7 +11,7 @@ use oocpt_render::{AovKind, AovRequest, RenderRequest, Session, SessionOptions};
 const SAMPLES: u32 = 4;
 
 /// Images of a session and how often it waited, by its statistics.
-fn rendered(kinds: &[AovKind], traversal: TraversalKind, streams: bool) -> (Vec<Vec<f32>>, u64) {
+fn rendered(kinds: &[AovKind], traversal: TraversalKind, streams: bool) -> (Vec<Vec<f32>>, u32) {
     let options = SessionOptions { validation: true, force_streaming: streams, ..SessionOptions::default() };
     let session = Session::with_options(Settings { traversal, ..settings(SAMPLES, 2) }, options);
     session.with_scene(nested);
@@ -19,7 +19,8 @@ fn rendered(kinds: &[AovKind], traversal: TraversalKind, streams: bool) -> (Vec<
     let aovs = kinds.iter().map(|&kind| AovRequest { kind, clear: [0.0; 4] }).collect();
     let request = RenderRequest { aovs, ..view };
     render(&session, &request);
-    (kinds.iter().map(|&kind| read::<f32>(&session, &request, kind)).collect(), session.stats().streaming.waits)
+    let waits = u32::try_from(session.stats().streaming.waits).expect("few");
+    (kinds.iter().map(|&kind| read::<f32>(&session, &request, kind)).collect(), waits)
 }
 
 #[test]
@@ -30,7 +31,7 @@ fn waits_are_those_of_the_statistics_and_other_images_stay() {
     for traversal in [TraversalKind::Auto, TraversalKind::Compute] {
         let (images, counted) = rendered(&with, traversal, true);
         let waits: f64 = images[3].iter().map(|&mean| f64::from(mean)).sum();
-        assert!(counted > 0 && (waits * f64::from(SAMPLES) - counted as f64).abs() < 0.01, "{waits} {counted}");
+        assert!(counted > 0 && (waits * f64::from(SAMPLES) - f64::from(counted)).abs() < 0.01, "{waits} {counted}");
         assert!(images[..3] == plain, "{traversal:?}: the same bits");
     }
     let (images, counted) = rendered(&with, TraversalKind::Auto, false);
