@@ -34,6 +34,7 @@ mod lights;
 mod materials;
 mod motion;
 mod motion_vectors;
+mod moved_windows;
 mod native_traversal;
 mod passes;
 mod path_expressions;
