@@ -36,11 +36,11 @@ fn of_size<const SIZE: usize>(a: &[u8], b: &[u8]) -> u64 {
 
 fn by_group(a: &[u8], b: &[u8], size: usize, differing: impl Fn(&[u8], &[u8]) -> u64) -> u64 {
     let groups = a.chunks(GROUP * size).zip(b.chunks(GROUP * size)).enumerate();
-    groups.fold(0, |word, (at, (a, b))| if a == b { word } else { word | differing(a, b) << (GROUP * at) })
+    groups.fold(0, |word, (at, (a, b))| if a == b { word } else { word | (differing(a, b) << (GROUP * at)) })
 }
 
 fn bits<T: PartialEq>(pairs: impl Iterator<Item = (T, T)>) -> u64 {
-    pairs.enumerate().fold(0, |word, (at, (a, b))| word | u64::from(a != b) << at)
+    pairs.enumerate().fold(0, |word, (at, (a, b))| word | (u64::from(a != b) << at))
 }
 
 /// A set of instance numbers.
@@ -142,7 +142,8 @@ mod tests {
             for (count, other) in [(2 * BLOCK + 77, 2 * BLOCK + 77), (9000, 4000), (65, 63), (3, 3)] {
                 let old: Vec<u8> = (0..count * size).map(|at| (at % 251) as u8).collect();
                 let mut new: Vec<u8> = (0..other * size).map(|at| (at % 251) as u8).collect();
-                let changed: Vec<usize> = [0, 2, 62, 63, 64, 71, 4095, 4096, 8200].into_iter().filter(|at| *at < other).collect();
+                let changed: Vec<usize> =
+                    [0, 2, 62, 63, 64, 71, 4095, 4096, 8200].into_iter().filter(|at| *at < other).collect();
                 // In the first byte of an element, the last one and one between.
                 changed.iter().for_each(|at| new[at * size + at % size] ^= 1);
                 let mut numbers = ChangedNumbers::of_lengths(count, other);

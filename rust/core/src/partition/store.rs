@@ -144,12 +144,7 @@ impl PartitionStore {
     }
 
     /// The chunks of the root, if all of them are held.
-    fn hold(
-        &self,
-        source: PartitionSource<'_>,
-        costs: &Arc<AssetCosts>,
-        opened: &[bool],
-    ) -> Option<Vec<Arc<Chunk>>> {
+    fn hold(&self, source: PartitionSource<'_>, costs: &Arc<AssetCosts>, opened: &[bool]) -> Option<Vec<Arc<Chunk>>> {
         let (group, assembly) = source.groups.last().zip(source.assemblies.last())?;
         self.parts.get(*group)?.hold(self.job(assembly, costs, opened, None))
     }

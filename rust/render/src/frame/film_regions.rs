@@ -77,7 +77,9 @@ mod tests {
     fn a_moved_film_covers_its_window_once() {
         let window = of(0, 0, 40, 40);
         let mut regions = of_film(window, 1600 * 5 + 700);
-        for (step, to) in [of(3, 2, 40, 40), of(8, 9, 40, 40), of(2, 0, 30, 52), of(20, 20, 40, 40)].into_iter().enumerate() {
+        for (step, to) in
+            [of(3, 2, 40, 40), of(8, 9, 40, 40), of(2, 0, 30, 52), of(20, 20, 40, 40)].into_iter().enumerate()
+        {
             let before = regions.clone();
             regions = moved(&regions, to);
             assert_eq!(regions.iter().map(|region| region.pixels.pixels()).sum::<u64>(), to.pixels(), "step {step}");

@@ -44,7 +44,8 @@ impl KeptSamples {
             return None;
         }
         let window = self.job.request.part();
-        let have = if self.regions.is_empty() { film_regions::of_film(window, self.paths) } else { self.regions.clone() };
+        let have =
+            if self.regions.is_empty() { film_regions::of_film(window, self.paths) } else { self.regions.clone() };
         Some(film_regions::moved(&have, job.request.part()))
     }
 }

@@ -60,7 +60,7 @@ fn region_job(job: &RenderJob, pixels: PixelWindow, samples: u32) -> RenderJob {
     let part = part_of(job, samples);
     let filters = job.settings.filter_aovs;
     let aovs = job.request.aovs.iter().filter(|aov| aov.kind.is_of_light() || aov.kind.is_of_samples(filters));
-    let request = RenderRequest { window: Some(pixels), aovs: aovs.cloned().collect(), ..job.request.clone() };
+    let request = RenderRequest { window: Some(pixels), aovs: aovs.copied().collect(), ..job.request.clone() };
     RenderJob { request, catches_up: true, ..part }
 }
 
