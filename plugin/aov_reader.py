@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Reads every AOV of a UsdImagingGL.Engine, and decodes picks, which the Python binding does not offer.
 
-Used by the Python package and by tests/hydra. Runs inside the wheel host only (OpenUSD 25.08, Itanium ABI): calls the
-C++ functions of the loaded libusd_ms through ctypes. Symbols are looked up by their mangled names, virtual functions by
-their slot in `HdRenderBuffer`; both are checked on import against a concrete class of the runtime by tests/abi. All
-functions must be called on the thread that owns the engine.
+Used by the Python package and by tests/hydra. Runs inside a wheel host only (OpenUSD 25.08 or 26.03, Itanium ABI):
+calls the C++ functions of the loaded libusd_ms through ctypes. Symbols are looked up by their mangled names, virtual
+functions by their slot in `HdRenderBuffer`; both are checked on import against a concrete class of the runtime by
+tests/abi. All functions must be called on the thread that owns the engine.
 """
 
 from __future__ import annotations
@@ -14,11 +14,12 @@ import os
 from ctypes import POINTER, byref, c_char_p, c_int, c_size_t, c_uint8, c_uint64, c_void_p
 
 import numpy as np
+from pxr import Usd
 
-_NAMESPACE = "pxrBlender_v25_08__pxrReserved__"
+_NAMESPACE = "pxrBlender_v{1:02}_{2:02}__pxrReserved__".format(*Usd.GetVersion())
 _N = f"{len(_NAMESPACE)}{_NAMESPACE}"
 
-# HdFormat of 25.08: number -> (numpy type, components).
+# HdFormat: number -> (numpy type, components).
 FORMATS = {
     12: ("f4", 1), 13: ("f4", 2), 14: ("f4", 3), 15: ("f4", 4), 24: ("i4", 1), 8: ("f2", 1), 11: ("f2", 4),
     3: ("u1", 4),

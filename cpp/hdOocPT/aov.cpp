@@ -183,6 +183,7 @@ std::vector<HdOocPTAov> _MakeAovs()
         { TfToken("materialId"), HdFormatInt32, VtValue(-1) },
         { TfToken("shadow"), HdFormatFloat32Vec4, VtValue(GfVec4f(0.0f)) },
         { TfToken("shadowCatcher"), HdFormatFloat32, VtValue(0.0f) },
+        { TfToken("loadWaits"), HdFormatFloat32, VtValue(0.0f) },
     };
 }
 

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 /// The only place where the shim depends on the version of OpenUSD that it is compiled for.
 ///
-/// Compiled: 25.08 (wheel host, declarations under cpp/abi/25.08) and 24.11 (SDK headers). The switch for newer SDKs
-/// follows their published interface and was not compiled here.
+/// Compiled: 25.08 and 26.03 (wheel hosts, declarations under cpp/abi) and 24.11 (SDK headers). For newer SDKs the
+/// switch follows their published interface and was not compiled here.
 #ifndef HDOOCPT_COMPAT_H
 #define HDOOCPT_COMPAT_H
 
@@ -12,16 +12,12 @@
 #error "hdOocPT needs OpenUSD 24.11 or newer: HdRenderDelegate::SetTerminalSceneIndex is how it reads the scene"
 #endif
 
-#if defined(OOCPT_ABI_HEADERS) && PXR_VERSION != 2508
-#error "cpp/abi/25.08 describes one runtime only; build against the headers of your own OpenUSD instead"
-#endif
-
 #if !defined(OOCPT_ABI_HEADERS)
 #include "pxr/imaging/hd/version.h"
 #endif
 
 /// Since API version 83, IsSupported takes a struct, and may return a reason.
-#if defined(HD_API_VERSION) && HD_API_VERSION >= 83
+#if (defined(HD_API_VERSION) && HD_API_VERSION >= 83) || (defined(OOCPT_ABI_HEADERS) && PXR_VERSION >= 2603)
 #define HDOOCPT_IS_SUPPORTED_PARAMETERS HdRendererCreateArgs const&, std::string*
 #else
 #define HDOOCPT_IS_SUPPORTED_PARAMETERS bool

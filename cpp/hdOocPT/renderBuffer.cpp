@@ -193,7 +193,7 @@ bool HdOocPTRenderBuffer::IsConverged() const
         // The session is asked before its messages are drained: a fatal one is queued before the session says
         // converged.
         bool const isFinal = _session->IsConverged();
-        bool const isUpToDate = isFinal && _CopyLatest();
+        bool const isUpToDate = isFinal && (_CopyLatest() || _HoldsNewest());
         _session->DrainMessages();
         return isUpToDate || !_IsBound();
     });
@@ -216,6 +216,17 @@ bool HdOocPTRenderBuffer::_CopyLatest() const
         _isStretched = false;
     }
     return true;
+}
+
+bool HdOocPTRenderBuffer::_HoldsNewest() const
+{
+    std::lock_guard<std::mutex> const lock(_mutex);
+    if (!_aov || !_holdsImage || _version == 0) {
+        return false;
+    }
+    // Where the session has a newer picture it is copied here, not to where the host looks.
+    _unconverted.resize(_PixelCount() * HdDataSizeOfFormat(_aov->format));
+    return _session->ReadAov(_aov->name, _version, _unconverted.data(), _unconverted.size()) == _version;
 }
 
 bool HdOocPTRenderBuffer::_ReadFrom(HdOocPTAov const& aov) const

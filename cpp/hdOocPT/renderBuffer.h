@@ -56,9 +56,9 @@ public:
 
     void Resolve() override;
 
-    /// Returns true once the final image is in this buffer, or if no pass has ever bound it. While the buffer is mapped
-    /// and not yet final it returns false. One that passes have left waits for the session: a host asks between
-    /// executions, when a buffer that was allocated anew is not bound again yet.
+    /// Returns true once the final image is in this buffer, or if no pass has ever bound it. A mapped buffer keeps an
+    /// older image until it is unmapped, and says false so long. One that passes have left waits for the session: a
+    /// host asks between executions, when a buffer that was allocated anew is not bound again yet.
     bool IsConverged() const override;
 
 protected:
@@ -67,6 +67,8 @@ protected:
 private:
     /// Copies the newest image unless the buffer is mapped. Returns true if the buffer then holds the newest state.
     bool _CopyLatest() const;
+    /// Returns true if the session has no newer image than the buffer.
+    bool _HoldsNewest() const;
     bool _IsBound() const;
     bool _ReadFrom(HdOocPTAov const& aov) const;
     /// Fits an image that the buffer shows to another size. False: it shows none, or its format is another one. The

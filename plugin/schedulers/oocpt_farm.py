@@ -17,16 +17,20 @@ Needs `oocpt` and `usdrecord` in the path, and nothing but Python. Lines `openjd
 from __future__ import annotations
 
 import argparse
+import ctypes
 import json
 import os
 import re
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 # Exit status for what may succeed the next time (EX_TEMPFAIL of sysexits.h).
 TRY_AGAIN = 75
+# `PR_SET_PDEATHSIG` of Linux.
+SET_DEATH_SIGNAL = 1
 # The renderer's line of progress begins with the share of its samples.
 PROGRESS = re.compile(r"(?:^|\s)(\d+)\s?%")
 
@@ -64,20 +68,63 @@ def span(chunk: tuple[int, int], samples: int, count: int) -> tuple[int, int]:
     return (first - 1) * samples // count, last * samples // count
 
 
+def ends_with_parent():
+    """What a child calls before it runs its program (`preexec_fn`): it is killed when the thread that started it ends.
+    A task that is killed would leave a renderer behind, which takes the device from the next one."""
+    if not sys.platform.startswith("linux"):
+        return None
+    library, parent = ctypes.CDLL(None), os.getpid()
+
+    def ask() -> None:
+        library.prctl(SET_DEATH_SIGNAL, signal.SIGKILL)
+        if os.getppid() != parent:
+            os.kill(os.getpid(), signal.SIGKILL)
+
+    return ask
+
+
 def folder_of(arguments: argparse.Namespace) -> Path:
     return Path(arguments.folder).absolute() / f"frame.{arguments.frame:04d}"
 
 
-def samples_of(films: list[Path]) -> list[tuple[int, int]]:
-    """The samples that these films have; a file that is no film has none."""
-    ranges: list[tuple[int, int]] = []
+def part_name(samples: tuple[int, int]) -> str:
+    return "samples.{:08d}-{:08d}.film".format(*samples)
+
+
+def facts_of(films: list[Path]) -> Iterator[tuple[Path, dict]]:
+    """What `oocpt film info` says of each of these files that is a film."""
     for film in films:
         done = subprocess.run(
             ["oocpt", "film", "info", str(film), "--json"], capture_output=True, text=True, check=False
         )
-        for line in done.stdout.splitlines() if done.returncode == 0 else ():
-            ranges += [(one["begin"], one["end"]) for one in json.loads(line).get("samples", ())]
-    return sorted(ranges)
+        if done.returncode == 0:
+            yield film, json.loads(done.stdout.splitlines()[0])
+
+
+def samples_of(film: dict) -> list[tuple[int, int]]:
+    """The samples that a film has, as ranges that do not touch."""
+    ranges: list[tuple[int, int]] = []
+    for begin, end in sorted((one["begin"], one["end"]) for one in film["samples"]):
+        if ranges and ranges[-1][1] == begin:
+            begin = ranges.pop()[0]
+        ranges.append((begin, end))
+    return ranges
+
+
+def has_all(film: Path, samples: tuple[int, int]) -> bool:
+    """Whether a film is there and has these samples and no others."""
+    return film.exists() and [samples_of(facts) for _, facts in facts_of([film])] == [[samples]]
+
+
+def chain(spans: dict[Path, tuple[int, int]], samples: int) -> tuple[list[Path], int]:
+    """The fewest films that follow each other from sample 0 to the last, each sample once, and that last sample. Where
+    they do not reach it, those that come farthest. Tasks of other runs of blocks leave films that overlap these."""
+    reached: dict[int, list[Path]] = {0: []}
+    for film, (begin, end) in sorted(spans.items(), key=lambda one: (one[1], one[0])):
+        if begin in reached and begin < end <= samples:
+            if end not in reached or len(reached[begin]) + 1 < len(reached[end]):
+                reached[end] = [*reached[begin], film]
+    return reached[max(reached)], max(reached)
 
 
 def command(arguments: argparse.Namespace, part: Path, samples: tuple[int, int]) -> list[str]:
@@ -107,13 +154,13 @@ def render(arguments: argparse.Namespace) -> int:
         return 0
     folder = folder_of(arguments)
     folder.mkdir(parents=True, exist_ok=True)
-    part = folder / f"samples.{begin:08d}-{end:08d}.film"
-    if part.exists() and samples_of([part]) == [(begin, end)]:
+    part = folder / part_name((begin, end))
+    if has_all(part, (begin, end)):
         print(f"{part.name} is there\nopenjd_progress: 100", flush=True)
         return 0
     child = subprocess.Popen(
         command(arguments, part, (begin, end)), stdin=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
-        errors="replace", env=environment(arguments),
+        errors="replace", env=environment(arguments), preexec_fn=ends_with_parent(),
     )  # fmt: skip
     stopped: list[int] = []
 
@@ -132,7 +179,7 @@ def render(arguments: argparse.Namespace) -> int:
     status = child.wait()
     for preview in folder.glob(f"{part.stem}.{os.getpid()}.*.exr"):
         preview.unlink(missing_ok=True)
-    if samples_of([part]) == [(begin, end)]:
+    if has_all(part, (begin, end)):
         print("openjd_progress: 100", flush=True)
         return 0
     print(f"openjd_fail: samples {begin}..{end} of frame {arguments.frame} are not all there: {error}", flush=True)
@@ -141,41 +188,54 @@ def render(arguments: argparse.Namespace) -> int:
 
 
 def picture(arguments: argparse.Namespace) -> int:
-    parts = sorted(folder_of(arguments).glob("samples.*.film"))
-    at = 0
-    for begin, end in samples_of(parts):
-        if begin != at:
-            break
-        at = end
-    if at != arguments.samples:
-        sys.exit(f"frame {arguments.frame}: sample {at} of {arguments.samples} is missing, or is there twice")
-    out = Path(arguments.out % arguments.frame if "%" in arguments.out else arguments.out).absolute()
+    every = {film: samples_of(facts) for film, facts in facts_of(sorted(folder_of(arguments).glob("samples.*.film")))}
+    parts, end = chain({film: spans[0] for film, spans in every.items() if len(spans) == 1}, arguments.samples)
+    if end != arguments.samples:
+        sys.exit(f"frame {arguments.frame}: no part has the samples from {end} of {arguments.samples} on")
+    return make_picture(parts, picture_file(arguments.out, arguments.frame))
+
+
+def picture_file(out: str, frame: int) -> Path:
+    return Path(out % frame if "%" in out else out).absolute()
+
+
+def make_picture(films: list[Path], out: Path) -> int:
     out.parent.mkdir(parents=True, exist_ok=True)
-    done = subprocess.run(["oocpt", "film", "picture", *map(str, parts), "--out", str(out)], check=False)
-    return done.returncode
+    return subprocess.run(["oocpt", "film", "picture", *map(str, films), "--out", str(out)], check=False).returncode
+
+
+def frame_options() -> argparse.ArgumentParser:
+    """What every command takes."""
+    options = argparse.ArgumentParser(add_help=False)
+    options.add_argument("--folder", required=True, help="where the parts of all frames are")
+    options.add_argument("--frame", type=number(0, 10**9), required=True)
+    options.add_argument("--samples", type=number(1, 1 << 24), required=True, help="samples of each pixel")
+    options.add_argument("--blocks", type=number(1, 10**6), default=1, help="blocks that the samples of a frame make")
+    return options
+
+
+def scene_options() -> argparse.ArgumentParser:
+    """What is rendered, and how."""
+    options = argparse.ArgumentParser(add_help=False)
+    options.add_argument("--scene", required=True)
+    options.add_argument("--camera", default="")
+    options.add_argument("--settings", default="", help="path of the RenderSettings prim")
+    options.add_argument("--render-pass", default="", help="path of the RenderPass prim")
+    options.add_argument("--caches", default="", help="folder of decoded textures, built geometry, compiled passes")
+    options.add_argument("--width", type=number(1, 65536), default=960)
+    left_out = "any setting; one without a value is left out"
+    options.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help=left_out)
+    options.add_argument("flags", nargs="*", help="more flags of usdrecord, behind --")
+    return options
 
 
 def parser() -> argparse.ArgumentParser:
     commands = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     subparsers = commands.add_subparsers(required=True)
-    common = argparse.ArgumentParser(add_help=False)
-    common.add_argument("--folder", required=True, help="where the parts of all frames are")
-    common.add_argument("--frame", type=number(0, 10**9), required=True)
-    common.add_argument("--samples", type=number(1, 1 << 24), required=True, help="samples of each pixel")
-    common.add_argument("--blocks", type=number(1, 10**6), default=1, help="blocks that the samples of a frame make")
-    part = subparsers.add_parser("part", parents=[common], help="renders a part")
-    part.add_argument("--scene", required=True)
+    part = subparsers.add_parser("part", parents=[frame_options(), scene_options()], help="renders a part")
     part.add_argument("--block", type=blocks, required=True, help="B, or a run of blocks B-C")
-    part.add_argument("--camera", default="")
-    part.add_argument("--settings", default="", help="path of the RenderSettings prim")
-    part.add_argument("--render-pass", default="", help="path of the RenderPass prim")
-    part.add_argument("--caches", default="", help="folder of decoded textures, built geometry, compiled passes")
-    part.add_argument("--width", type=number(1, 65536), default=960)
-    left_out = "any setting; one without a value is left out"
-    part.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help=left_out)
-    part.add_argument("flags", nargs="*", help="more flags of usdrecord, behind --")
     part.set_defaults(run=render)
-    whole = subparsers.add_parser("picture", parents=[common], help="makes the picture of the parts")
+    whole = subparsers.add_parser("picture", parents=[frame_options()], help="makes the picture of the parts")
     whole.add_argument("--out", required=True, help="EXR file; %%04d stands for the frame")
     whole.set_defaults(run=picture)
     return commands

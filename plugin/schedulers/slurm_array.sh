@@ -4,7 +4,8 @@
 #
 #   SCENE=shot.usda FOLDER=/shared/shot FRAME=7 SAMPLES=1024 BLOCKS=16 sh slurm_array.sh
 #
-# CAMERA, WIDTH, OUT, CACHES, FLAGS (of usdrecord) and SBATCH (flags of sbatch, such as "--gres=gpu:1") are optional.
+# CAMERA, WIDTH, OUT, CACHES, FLAGS (of usdrecord) and SBATCH (flags of sbatch, such as "--gres=gpu:1") are optional, and
+# RETRIES, how often a task is queued again.
 # A task that is preempted, or runs out of time, gets SIGTERM 60 s before it is killed: it writes what it has, is queued
 # again, and goes on from there. So does one whose node fails, from its last octave of samples.
 #SBATCH --requeue
@@ -42,7 +43,8 @@ if kill -0 $task 2>/dev/null; then
     status=0
     wait $task || status=$?
 fi
-if [ $status -eq 75 ]; then
+# 75 asks for it; above 128 a signal ended the task, such as that of a machine without memory.
+if { [ $status -eq 75 ] || [ $status -gt 128 ]; } && [ "${SLURM_RESTART_COUNT:-0}" -lt "${RETRIES:-100}" ]; then
     scontrol requeue "${SLURM_ARRAY_JOB_ID}_$SLURM_ARRAY_TASK_ID"
 fi
 exit $status

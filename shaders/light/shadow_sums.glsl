@@ -16,7 +16,8 @@ uint64_t shadow_values_of(uint path, uint first) {
 
 // A path begins: it has asked for no light.
 void clear_shadow_values(uint path) {
-    for (uint word = 3u * FRAME.light_count; word < FRAME.light_words; ++word) {
+    const uint end = FRAME.light_words - (HAS_LOAD_WAITS ? WAIT_WORDS : 0u);
+    for (uint word = 3u * FRAME.light_count; word < end; ++word) {
         Floats(shadow_values_of(path, word)).v[0] = 0.0;
     }
 }

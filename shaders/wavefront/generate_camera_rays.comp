@@ -2,7 +2,7 @@
 // Starts paths at the camera, one per thread: those of a wave or, with streaming, of the segment whose index is in
 // push.flags, in the free slots from push.arg0 on. In core, with textures: a wave that is traced again (PUSH_RETRACE)
 // starts only the paths that lacked a tile, and a wave behind an incomplete one starts none. Reads: FrameConstants.
-// Writes: rays, paths, radiance of every path. In core: ray_queue[0] and WavefrontCounters::ray_count[0]. With
+// Writes: rays, paths, radiance of every path; with LOAD_WAITS light_values. In core: ray_queue[0] and WavefrontCounters::ray_count[0]. With
 // streaming: the segment, progress; pushes to ray_queue[round & 1].
 #version 460
 #extension GL_GOOGLE_include_directive : require
@@ -12,6 +12,7 @@
 #include "material/lambert.glsl"
 #include "camera/camera.glsl"
 #include "camera/pixel_filter.glsl"
+#include "wavefront/load_waits.glsl"
 
 void start_path(uint thread, uint path) {
     uint pixel_index = pixel_from(push.first_pixel, thread);
@@ -44,6 +45,7 @@ void start_path(uint thread, uint path) {
     }
     store_path(path, PathState(vec3(1.0), 0.0));
     Vec4s(FRAME.radiance).v[path] = vec4(0.0);
+    if (HAS_LOAD_WAITS) clear_load_waits(path);
     if (HAS_ROULETTE) Vec4s(STREAMING.ended_radiance).v[segment_place(thread)] = vec4(0.0, 0.0, 0.0, -1.0);
 }
 

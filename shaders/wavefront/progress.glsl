@@ -5,6 +5,7 @@
 #ifndef OOCPT_PROGRESS_GLSL
 #define OOCPT_PROGRESS_GLSL
 
+#include "wavefront/load_waits.glsl"
 #include "wavefront/queue.glsl"
 
 const uint OWN_UNIT = 0xffffffffu; // the ray waits for the chunk itself
@@ -53,6 +54,7 @@ void push_deferred(uint entry, bool waits) {
     QUEUE_SLOT(to, deferred_count[list], waits);
     if (waits) Uints(STREAMING.deferred[list]).v[to] = entry;
     ADD_EACH(misses, waits ? 1u : 0u);
+    if (HAS_LOAD_WAITS && waits) count_load_wait(entry);
 }
 
 #endif

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Writes the filtered images so far: one thread per pixel. Reads: film (the number of samples),
 // FrameConstants::plane_sums. Writes: the planes of FrameConstants::aov that PlaneOffsets has, primvar_images that are
-// filtered, those of shadows, and light_images, which are times the camera's exposure as `color`. Adaptive: half of
+// filtered, those of shadows and waits, and light_images, which are times the camera's exposure as `color`. Adaptive: half of
 // each stream, as `resolve`. A pixel without a sample is clear.
 #version 460
 #extension GL_GOOGLE_include_directive : require
@@ -60,6 +60,10 @@ void main() {
         const uint first = FRAME.sum_words - FRAME.light_words;
         if (FRAME.shadow_at != NO_INDEX) Vec4s(FRAME.aov.shadow).v[pixel] = shadow(pixel, first + FRAME.shadow_at);
         if (FRAME.catcher_at != NO_INDEX) Floats(FRAME.aov.shadow_catcher).v[pixel] = caught_alpha(pixel);
+    }
+    if (HAS_LOAD_WAITS) {
+        const uint first = FRAME.sum_words - WAIT_WORDS;
+        Floats(FRAME.aov.load_waits).v[pixel] = plane_mean(pixel, first) + plane_mean(pixel, first + 1u);
     }
     if (!HAS_PATH_EXPRESSIONS) return;
     for (uint i = 0u; i < FRAME.light_count; ++i) {

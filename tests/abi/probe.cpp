@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Loaded into the wheel host by tests/abi/test_abi.py: tells what cpp/abi/25.08 believes, and checks it in action.
+/// Loaded into the wheel host by tests/abi/test_abi.py: tells what cpp/abi believes, and checks it in action.
 ///
 /// - The virtual tables of one concrete class per declared interface (probe_classes.h).
 /// - oocpt_abi_sizes(): the sizes that the headers declare, to compare with the runtime's deleting destructors.
@@ -17,7 +17,11 @@ PXR_NAMESPACE_OPEN_SCOPE
 
 // ---- runtime functions that the headers do not declare ----
 
+#if PXR_VERSION == 2508
 #define RUNTIME(name) __asm__("_ZN32pxrBlender_v25_08__pxrReserved__" name)
+#else
+#define RUNTIME(name) __asm__("_ZN32pxrBlender_v26_03__pxrReserved__" name)
+#endif
 void RuntimeSetFraming(HdRenderPassState*, CameraUtilFraming const&)
     RUNTIME("17HdRenderPassState10SetFramingERKNS_17CameraUtilFramingE");
 void RuntimeSetAovBindings(HdRenderPassState*, HdRenderPassAovBindingVector const&)

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// One concrete class per interface that cpp/abi/25.08 declares, so that a library that includes this has their virtual
+/// One concrete class per interface that cpp/abi declares, so that a library that includes this has their virtual
 /// tables. Included by probe.cpp alone.
 ///
 /// No `override` anywhere: the test also compiles this against headers with planted faults, and those must compile.
@@ -31,7 +31,11 @@ struct ProbeRendererPlugin : HdRendererPlugin
     HdRenderDelegate* CreateRenderDelegate() { return nullptr; }
     HdRenderDelegate* CreateRenderDelegate(HdRenderSettingsMap const&) { return nullptr; }
     void DeleteRenderDelegate(HdRenderDelegate*) { }
+#if PXR_VERSION >= 2603
+    bool IsSupported(HdRendererCreateArgs const&, std::string*) const { return false; }
+#else
     bool IsSupported(bool) const { return false; }
+#endif
 };
 ProbeRendererPlugin::~ProbeRendererPlugin() = default;
 

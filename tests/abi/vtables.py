@@ -30,6 +30,7 @@ class Library:
         for flags in ("-S", "-DS"):
             self._read_symbols(_run("nm", flags, self.path))
         self._relocations = self._read_relocations(_run("readelf", "-rW", self.path))
+        self._sections = self._read_sections(_run("readelf", "-SW", self.path))
 
     def _read_symbols(self, listing):
         for line in listing.splitlines():
@@ -51,6 +52,12 @@ class Library:
             elif len(fields) >= 5 and fields[2] == "R_X86_64_64":
                 found[int(fields[0], 16)] = ("name", fields[4].split("@")[0])
         return found
+
+    @staticmethod
+    def _read_sections(listing):
+        """Address, offset in the file and size of each section that the file has bytes of."""
+        found = re.findall(r"PROGBITS\s+([0-9a-f]+) ([0-9a-f]+) ([0-9a-f]+)", listing)
+        return [tuple(int(word, 16) for word in row) for row in found]
 
     def slots(self, *class_names):
         """The slots of a class's virtual table, first destructor first, each a set of candidate names (linkers
@@ -77,6 +84,22 @@ class Library:
         plain = iter(_run("c++filt", text="\n".join(flat)).split("\n"))
         return [[next(plain) for _ in names] for names in words]
 
+    def value_types(self):
+        """Size of the record by which VtValue tells a type, and the type's number in it, by the type's mangled name."""
+        start, end = f"_ZZN{len(self.namespace)}{self.namespace}7VtValue5_InitI", "E12_GetTypeInfoEvE2ti"
+        names = [name for name in self._addresses if name.startswith(start) and name.endswith(end)]
+        return {name[len(start) : -len(end)]: (self._sizes[name], self._number(name)) for name in names}
+
+    def _number(self, name):
+        """The int after the two references at the record's beginning."""
+        at = self._addresses[name] + 16
+        for first, offset, size in self._sections:
+            if first <= at < first + size:
+                with open(self.path, "rb") as file:
+                    file.seek(offset + at - first)
+                    return int.from_bytes(file.read(4), "little", signed=True)
+        raise LookupError(f"{self.path} keeps no bytes of {name}")
+
     def size_by_destructor(self, class_name):
         """Bytes that the deleting destructor gives back; None where there is none with a size."""
         symbol = "_ZN" + mangle(self.namespace, class_name)[1:-1] + "D0Ev"
@@ -93,7 +116,7 @@ class Library:
 
 def strip_class(name, namespace):
     """"ns::A<B>::f(ns::C const&) const" becomes "f(C const&) const"; a destructor of any class becomes "~"."""
-    name = name.replace(namespace + "::", "")
+    name = name.replace(namespace + "::", "").replace("(anonymous namespace)::", "")
     head = _end_of_name(name)
     qualifier = _last_scope(name[:head])
     own = name[qualifier:head]

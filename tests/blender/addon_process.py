@@ -24,6 +24,7 @@ OUT = pathlib.Path(folder)
 import bpy  # noqa: E402  which the path above leads to
 import addon_utils  # noqa: E402, I001  which comes with it
 import numpy as np  # noqa: E402
+from materials import material  # noqa: E402
 
 
 def install():
@@ -54,14 +55,6 @@ def put(name, data, location=(0, 0, 0)):
     made = bpy.data.objects.new(name, data)
     made.location = location
     bpy.context.scene.collection.objects.link(made)
-    return made
-
-
-def material(name, **inputs):
-    made = bpy.data.materials.new(name)
-    made.use_nodes = True
-    for key, value in inputs.items():
-        made.node_tree.nodes["Principled BSDF"].inputs[key.replace("_", " ")].default_value = value
     return made
 
 

@@ -13,6 +13,7 @@ sys.path.insert(0, blender)
 
 import bpy
 import numpy as np
+from materials import material
 
 bpy.utils.expose_bundled_modules()
 import pxr.Plug
@@ -29,14 +30,6 @@ class Engine(bpy.types.HydraRenderEngine):
 
     def update_render_passes(self, scene, render_layer):
         self.register_pass(scene, render_layer, "Combined", 4, "RGBA", "COLOR")
-
-
-def material(name, **inputs):
-    made = bpy.data.materials.new(name)
-    made.use_nodes = True
-    for key, value in inputs.items():
-        made.node_tree.nodes["Principled BSDF"].inputs[key.replace("_", " ")].default_value = value
-    return made
 
 
 bpy.utils.register_class(Engine)

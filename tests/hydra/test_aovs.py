@@ -15,6 +15,7 @@ FORMATS = {
     "position": ("Float32Vec3", 0.0), "Peye": ("Float32Vec3", 0.0), "Ng": ("Float32Vec3", 0.0),
     "variance": ("Float32Vec3", 0.0), "error": ("Float32", 0.0),
     "materialId": ("Int32", -1), "shadow": ("Float32Vec4", 0.0), "shadowCatcher": ("Float32", 0.0),
+    "loadWaits": ("Float32", 0.0),
 }  # fmt: skip
 QUICK = {"oocpt:samplesPerPixel": 2, "oocpt:maxBounces": 0}
 

@@ -147,6 +147,40 @@ def test_pixels_that_are_mapped_stay_while_the_buffer_changes_its_size(host):
     same_as_alone([after], host)
 
 
+CONVERGED = """
+view.prepare()
+view.step()
+end = time.monotonic() + 60
+while pixels('sampleCount').min() < 1 and time.monotonic() < end:
+    view.step()
+token = aov_reader._tokens(['color'])
+buffer = aov_reader._get_buffer(aov_reader._engine(engine), ctypes.cast(token, ctypes.POINTER(ctypes.c_uint64)))
+ask = lambda: aov_reader._virtual(buffer, aov_reader._IS_CONVERGED, ctypes.c_bool)
+address = aov_reader._virtual(buffer, aov_reader._MAP, ctypes.c_void_p)
+read = lambda: ctypes.string_at(address, 64 * 48 * 16)
+old = read()
+engine.SetRendererSetting('oocpt:samplesPerPixel', 4)
+view.step()
+while view.stats()['percentDone'] < 100 and time.monotonic() < end:
+    time.sleep(0.002)
+held = [ask() for _ in range(3)] + [read() == old]
+aov_reader._virtual(buffer, aov_reader._UNMAP, None)
+freed = [ask(), ask()]
+address = aov_reader._virtual(buffer, aov_reader._MAP, ctypes.c_void_p)
+again = [ask(), read() != old]
+aov_reader._virtual(buffer, aov_reader._UNMAP, None)
+result = [held, freed, again, pixels().tolist()]
+"""
+
+
+def test_a_mapped_buffer_is_converged_when_it_holds_the_final_picture(host):
+    with host.open(PATH, SIZE, aovs=("color", "sampleCount"), settings=ENDLESS) as view:
+        held, freed, again, rows = run(view, CONVERGED)
+    assert held == [False, False, False, True], "it keeps the old picture while it is mapped, and says so"
+    assert freed == [True, True] and again == [True, True], (freed, again)
+    same_as_alone([rows], host)
+
+
 READ = """
 view.prepare()
 view.step()

@@ -72,8 +72,8 @@ def render(
             of the surface as it is traced. `variance`: f32, 3, of the samples. `error`: f32, estimated standard error
             relative to the pixel. `lpe:C<RD>L` and others: f32, 3, light by its paths. `motionBoth`: f32, 4, pixels to
             the right and up to the shutter's middle, then from it. `shadow`: f32, 4, the share of the light that does
-            not arrive, by channel and of the luminance. `shadowCatcher`: f32, alpha of shadow catchers. `primvars:st`
-            and others: f32, 4.
+            not arrive, by channel and of the luminance. `shadowCatcher`: f32, alpha of shadow catchers. `loadWaits`:
+            f32, how often a sample waited for loads. `primvars:st` and others: f32, 4.
         settings: settings of the renderer by key, "oocpt:" may be left out; they stand above those of the scene.
         purposes: drawn in addition to `default`: `render`, `proxy`, `guide`. The default is usdrecord's.
         time: a time code; without it the stage's first one.

@@ -80,6 +80,7 @@ constants! {
     ID_SLOT_BYTES;
     DEEP_SLOT_BYTES;
     ID_SLOTS;
+    WAIT_WORDS;
     ID_RANKS;
     MAX_SHOWN_PRIMVARS;
     ERROR_SUMS_BYTES;

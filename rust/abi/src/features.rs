@@ -207,6 +207,8 @@ features! {
     SHADOW_SUMS: "sums of shadowed light", [], Never;
     /// Some prim is not seen by all rays, or is a matte: `FrameConstants::prim_masks` is used, and rays have a kind.
     PRIM_MASKS: "visibility by kind of ray, mattes", [], Never;
+    /// It is counted how often each path waits for loads.
+    LOAD_WAITS: "counts of waits for loads", [], Never;
     /// Some material has the lobe that tests add.
     #[cfg(feature = "faults")]
     TOY_LOBE: "toy lobe", [MATERIALS], Never;

@@ -120,6 +120,8 @@ shared! {
         pub shadow: u64,
         /// f32, the alpha that shadow catchers have.
         pub shadow_catcher: u64,
+        /// f32, how often the paths of the pixel waited for loads, by their number; written by `resolve_planes`.
+        pub load_waits: u64,
     }
 }
 
@@ -440,8 +442,9 @@ shared! {
         /// The same of its shadow ray, with what shines at its end.
         pub shadow_states: u64,
         /// f32x3 for each expression, every `light_stride` floats by path: the light of it that the path has met; then
-        /// the floats of shadows (`Features::SHADOW_SUMS`). In core they are the last of `plane_values` that are
-        /// summed; with `Features::STREAMING` they become so when the path ends.
+        /// the floats of shadows (`Features::SHADOW_SUMS`), then the [`WAIT_WORDS`] of waits (`Features::LOAD_WAITS`).
+        /// In core they are the last of `plane_values` that are summed; with `Features::STREAMING` they become so when
+        /// the path ends.
         pub light_values: u64,
         /// Outputs of `resolve_planes`: f32x3 per pixel for each expression, as those of `aov`.
         pub light_images: [u64; 32],
@@ -460,7 +463,7 @@ shared! {
         pub prim_masks: u64,
         /// Number of prims of `prim_masks`; those behind it have none of its bits.
         pub mask_count: u32,
-        /// Floats of a path at `light_values`: three for each expression, then those of shadows.
+        /// Floats of a path at `light_values`: three for each expression, then those of shadows and waits.
         pub light_words: u32,
         /// [`DeepSlot`], `deep_samples` of them for each [`crate::FilmPixel`]; 0 without `Features::DEEP`, as the next.
         /// Zero before the first wave.
@@ -504,6 +507,9 @@ pub const SHADOW_WORDS: u32 = 6;
 /// Floats of a sample for shadow catchers: luminance that the shadow ray of a catcher asks for, what of it arrives, and
 /// 1 if the sample met a catcher.
 pub const CATCHER_WORDS: u32 = 3;
+
+/// Floats of a sample for waits: how often its closest rays and materials waited for loads, and its shadow rays.
+pub const WAIT_WORDS: u32 = 2;
 
 /// Ids of a pixel that are kept while it is sampled; beyond these the one of the least weight gives way.
 pub const ID_SLOTS: u32 = 16;

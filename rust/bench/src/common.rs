@@ -264,7 +264,8 @@ pub(crate) fn only_color() -> Vec<AovRequest> {
 
 /// All images there are.
 pub(crate) fn all_images() -> Vec<AovRequest> {
-    let own = AovKind::ALL.into_iter().filter(|kind| *kind != AovKind::Denoised && !kind.ranks_ids());
+    let others = [AovKind::Denoised, AovKind::LoadWaits];
+    let own = AovKind::ALL.into_iter().filter(|kind| !others.contains(kind) && !kind.ranks_ids());
     own.map(|kind| AovRequest { kind, clear: [0.0; 4] }).collect()
 }
 

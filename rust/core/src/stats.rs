@@ -116,6 +116,8 @@ pub struct DenoiserUsage {
     pub seconds: f64,
     /// The colour that hosts see is denoised, and not only an image beside it.
     pub replaces_color: bool,
+    /// The images were denoised where the device has them, not copied to the host before.
+    pub in_place: bool,
     /// Its error against a reference picture.
     pub truth: Option<TrueError>,
 }
@@ -314,6 +316,8 @@ pub struct StreamingStats {
     pub chunks_touched: u64,
     /// Chunks whose load completed.
     pub loads: u64,
+    /// How often a ray, or the materials of a hit, waited for a load.
+    pub waits: u64,
     /// Part of `loads`: chunks that had been resident before.
     pub reloads: u64,
     /// Chunks evicted.

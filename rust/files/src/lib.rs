@@ -8,10 +8,13 @@
 
 #![forbid(unsafe_code)]
 
+mod shared;
+
+pub use shared::{create_in, hold, release, remove_unused, unique_number};
+
 use std::fs::{File, FileType, OpenOptions};
 use std::io::{Error, ErrorKind, Read as _, Result, Write as _};
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 
 /// Opens a file to be read.
@@ -101,10 +104,8 @@ pub fn remove_stale(path: &Path, age: Duration) {
 
 /// A name in the same folder that no other call, thread or process uses.
 fn name_beside(path: &Path) -> PathBuf {
-    static COUNT: AtomicU32 = AtomicU32::new(0);
-    let number = COUNT.fetch_add(1, Ordering::Relaxed);
     let mut name = path.as_os_str().to_owned();
-    name.push(format!(".{}-{number}.tmp", std::process::id()));
+    name.push(format!(".{}.tmp", unique_number()));
     name.into()
 }
 

@@ -113,6 +113,11 @@ impl Buffer {
         Ok(f(bytes))
     }
 
+    /// Its memory.
+    pub(crate) fn block(&self) -> &Arc<MemoryBlock> {
+        &self.block
+    }
+
     /// The address of a mapped byte range that was checked to fit.
     fn mapped_range(&self, offset: u64, length: usize) -> Result<*mut u8, GpuError> {
         let mapped: MappedPointer =

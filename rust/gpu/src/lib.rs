@@ -56,7 +56,10 @@ mod tests;
 
 pub use buffer::Buffer;
 pub use commands::{CommandList, MAX_UPDATE_BYTES};
-pub use denoiser::{DenoiseQuality, DenoiserDevice, DenoiserError, FloatImage, NoisyPicture};
+pub use denoiser::{
+    DenoiseOptions, DenoiseQuality, DenoiserDevice, DenoiserError, FloatImage, NoisyPicture, PictureBuffers,
+    SharedFilters,
+};
 pub use device::budget::MemoryUse;
 pub use device::options::OpenOptions;
 #[cfg(feature = "faults")]

@@ -5,7 +5,7 @@
 //! or after it, never one in between. Without the library pictures stay as they are, and the user is told once.
 
 use oocpt_core::settings::{DenoiseMode, Settings};
-use oocpt_gpu::{DenoiseQuality, DenoiserDevice, DenoiserError, FloatImage, NoisyPicture};
+use oocpt_gpu::{DenoiseOptions, DenoiseQuality, DenoiserDevice, DenoiserError, FloatImage, NoisyPicture};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -16,39 +16,40 @@ const BUDGET_SHARE: u32 = 4;
 /// Fewest MiB that the filter is allowed.
 const LEAST_MIB: u32 = 64;
 
-/// The denoiser of a session, opened when it is needed first.
+/// The denoiser of a session, opened when it is needed first, and kept: opening a GPU takes 0.3 s.
 #[derive(Debug, Default)]
 pub(crate) struct SessionDenoiser {
-    /// The file that was named, and what came of it.
-    opened: Option<(String, Result<DenoiserDevice, DenoiserError>)>,
+    /// What was opened, and what came of it.
+    opened: Option<(DenoiserChoice, Result<DenoiserDevice, DenoiserError>)>,
     is_told: bool,
     /// Time that the last picture on the way took, without that of opening the library.
     took: Option<Duration>,
 }
 
+/// A library and a device.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct DenoiserChoice {
+    /// The file that was named; empty: none.
+    file: String,
+    /// The device that renders.
+    uuid: Option<[u8; 16]>,
+}
+
 /// A picture as the denoiser made it.
 #[derive(Clone, Debug)]
 pub(crate) struct DenoisedPicture {
-    /// Red, green, blue and the colour's alpha of each pixel of the window, bottom row first.
-    rgba: Vec<f32>,
+    /// Red, green, blue and the colour's alpha of each pixel of the window, bottom row first; none: the film has it
+    /// (`crate::film::in_place`).
+    pub(crate) rgba: Option<Vec<f32>>,
     /// The denoiser.
     pub(crate) by: String,
     pub(crate) took: Duration,
-}
-
-impl DenoisedPicture {
-    /// Its pixels as an image's.
-    pub(crate) fn bytes(&self) -> &[u8] {
-        bytemuck::cast_slice(&self.rgba)
-    }
 }
 
 /// What a picture is denoised for.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct DenoiseTask<'a> {
     pub(crate) settings: &'a Settings,
-    /// Columns and rows of the window.
-    pub(crate) size: [u32; 2],
     /// It is the last one of the render.
     pub(crate) is_last: bool,
     /// The device that renders, as the denoiser may know it.
@@ -57,15 +58,28 @@ pub(crate) struct DenoiseTask<'a> {
 
 impl DenoiseTask<'_> {
     /// The last picture gets the best quality, those on the way the fastest.
-    fn quality(&self) -> DenoiseQuality {
-        if self.is_last { DenoiseQuality::High } else { DenoiseQuality::Fast }
-    }
-
-    /// Most MiB for the filter; none: as much as it likes.
-    fn most_mib(&self) -> Option<u32> {
+    fn options(&self) -> DenoiseOptions {
+        let quality = if self.is_last { DenoiseQuality::High } else { DenoiseQuality::Fast };
         let budget = self.settings.host_memory_budget_mib;
-        (budget > 0).then(|| (budget / BUDGET_SHARE).max(LEAST_MIB))
+        DenoiseOptions { quality, most_mib: (budget > 0).then(|| (budget / BUDGET_SHARE).max(LEAST_MIB)) }
     }
+}
+
+/// Denoises a picture of `size` of the images `color` (four floats a pixel), `albedo` and `normal` (three), until
+/// `goes_on` turns false; gives it with the colour's alpha.
+pub(crate) fn denoise_copies(
+    denoiser: &DenoiserDevice,
+    [color, albedo, normal]: [&[f32]; 3],
+    size: [u32; 2],
+    options: DenoiseOptions,
+    goes_on: &dyn Fn() -> bool,
+) -> Result<Vec<f32>, DenoiserError> {
+    let image = |floats, stride| FloatImage { floats, stride };
+    let (color, albedo, normal) = (image(color, 4), image(albedo, 3), image(normal, 3));
+    let picture = NoisyPicture { size: size.map(|side| side as usize), color, albedo, normal };
+    let mut rgba = color.floats.to_vec();
+    denoiser.denoise(&picture, (&mut rgba, 4), options, goes_on)?;
+    Ok(rgba)
 }
 
 impl SessionDenoiser {
@@ -76,13 +90,12 @@ impl SessionDenoiser {
         is_last || settings.denoise == DenoiseMode::Interactive && is_fast
     }
 
-    /// Denoises the picture of the images `color` (four floats a pixel), `albedo` and `normal` (three); `None` if it
-    /// was given up, because `goes_on` turned false. An error is one line for the user, and comes once.
+    /// Has `filter` denoise a picture, which gives its pixels, or none where the film has them; `None` if it was given
+    /// up. An error is one line for the user, and comes once.
     pub(crate) fn denoise(
         &mut self,
-        [color, albedo, normal]: [&[f32]; 3],
         task: DenoiseTask<'_>,
-        goes_on: &dyn Fn() -> bool,
+        filter: impl FnOnce(&DenoiserDevice, DenoiseOptions) -> Result<Option<Vec<f32>>, DenoiserError>,
     ) -> Result<Option<DenoisedPicture>, String> {
         let began = Instant::now();
         let denoiser = match self.open(&task) {
@@ -90,17 +103,11 @@ impl SessionDenoiser {
             Err(error) => return self.tell(format!("the picture is not denoised: {error}; {HOW_TO_GET_IT}")),
         };
         let opened = Instant::now();
-        let image = |floats, stride| FloatImage { floats, stride };
-        let (color, guides) = (image(color, 4), [image(albedo, 3), image(normal, 3)]);
-        let size = task.size.map(|side| side as usize);
-        let picture = NoisyPicture { size, color, albedo: guides[0], normal: guides[1] };
-        let mut rgba = color.floats.to_vec();
-        let how = (task.quality(), task.most_mib());
-        match denoiser.denoise(&picture, (&mut rgba, 4), how, goes_on) {
-            Ok(()) => {}
+        let rgba = match filter(denoiser, task.options()) {
+            Ok(rgba) => rgba,
             Err(DenoiserError::Cancelled) => return Ok(None),
             Err(error) => return self.tell(format!("the picture is not denoised: {error}")),
-        }
+        };
         let by = denoiser.name().to_owned();
         if !task.is_last {
             self.took = Some(opened.elapsed());
@@ -108,14 +115,15 @@ impl SessionDenoiser {
         Ok(Some(DenoisedPicture { rgba, by, took: began.elapsed() }))
     }
 
-    fn open(&mut self, task: &DenoiseTask<'_>) -> Result<&mut DenoiserDevice, DenoiserError> {
-        let file = &task.settings.denoiser_library;
-        if self.opened.as_ref().is_none_or(|(named, _)| named != file) {
-            let named = (!file.is_empty()).then(|| Path::new(file));
-            self.opened = Some((file.clone(), DenoiserDevice::open(named, task.uuid)));
+    fn open(&mut self, task: &DenoiseTask<'_>) -> Result<&DenoiserDevice, DenoiserError> {
+        let choice = DenoiserChoice { file: task.settings.denoiser_library.clone(), uuid: task.uuid };
+        if self.opened.as_ref().is_none_or(|(opened, _)| *opened != choice) {
+            let named = (!choice.file.is_empty()).then(|| Path::new(&choice.file));
+            let opened = DenoiserDevice::open(named, choice.uuid);
+            self.opened = Some((choice, opened));
             self.is_told = false;
         }
-        match &mut self.opened {
+        match &self.opened {
             Some((_, Ok(denoiser))) => Ok(denoiser),
             Some((_, Err(error))) => Err(error.clone()),
             None => Err(DenoiserError::Missing(String::new())),

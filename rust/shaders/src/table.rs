@@ -189,7 +189,7 @@ passes! {
         "`film`" => "its plane of `FrameConstants::aov`";
     /// Writes the filtered planes.
     ResolvePlanes = RESOLVE_PLANES, When::image(PassImage::Filtered), Direct("`width * height`"),
-        "`plane_sums`, `film`" => "the filtered planes of `FrameConstants::aov`, those of shadows, `primvar_images`, `light_images`";
+        "`plane_sums`, `film`" => "the filtered planes of `FrameConstants::aov`, those of shadows and waits, `primvar_images`, `light_images`";
     /// Writes the largest shares of each pixel by id.
     ResolveIds = RESOLVE_IDS, When::image(PassImage::RankedIds), Direct("`width * height`"),
         "`id_slots`, `film`" => "its planes of `FrameConstants::aov`";

@@ -5,6 +5,7 @@
 //! atomic, as those of a subgroup are.
 
 mod light_parts;
+mod load_waits;
 mod rays;
 mod shadow_sums;
 
@@ -12,6 +13,7 @@ mod shadow_sums;
 use crate::InstructionSet;
 use crate::deferred_tests::{load_alpha_test, store_alpha_test};
 use crate::passes::light_parts::LightParts;
+use crate::passes::load_waits::LoadWaits;
 use crate::passes::rays::{ClosestRays, QueuedRays, RayBlock, ShadowRays};
 use crate::passes::shadow_sums::ShadowSums;
 use crate::pending::{ListedItems, PendingItem};
@@ -54,6 +56,8 @@ struct PassContext<'s, 'v> {
     pending: HostWords<'v>,
     /// Deferred alpha tests; streaming.
     alpha_tests: HostWords<'v>,
+    /// Where it is counted how often paths wait.
+    waits: Option<LoadWaits<'v>>,
 }
 
 /// The queue entries that a block pushes.
@@ -106,7 +110,8 @@ impl<'s, 'v> PassContext<'s, 'v> {
     fn new(scene: &'s TraversalScene<'v>, rays: HostWords<'v>, [pending, alpha_tests]: [u64; 2]) -> Self {
         let view = scene.view;
         let counters = view.words(scene.frame.counters);
-        Self { scene, counters, rays, pending: view.words(pending), alpha_tests: view.words(alpha_tests) }
+        let waits = LoadWaits::new(scene);
+        Self { scene, counters, rays, pending: view.words(pending), alpha_tests: view.words(alpha_tests), waits }
     }
 
     /// Traces `count` entries of a queue.
@@ -156,6 +161,9 @@ impl<'s, 'v> PassContext<'s, 'v> {
             let waiting = u32::try_from(pushes.deferred.len()).unwrap_or(0);
             if waiting > 0 {
                 self.count(counter!(misses), waiting);
+                if let Some(waits) = &self.waits {
+                    pushes.deferred.iter().for_each(|entry| waits.count(*entry));
+                }
             }
             self.push_to(streaming.deferred[list], counter!(deferred_count) + list, &mut pushes.deferred);
             self.count(counter!(visits), std::mem::take(&mut pushes.visits));

@@ -28,7 +28,7 @@ use anyhow::{Context as _, Result};
 use clap::{Parser, Subcommand};
 
 use crate::host::PythonInterpreter;
-use crate::places::RootFolders;
+use crate::places::{RootFolders, WHEEL_HOSTS, WheelHost};
 use crate::process::say;
 
 #[derive(Debug, Parser)]
@@ -38,12 +38,25 @@ struct Arguments {
     command: XtaskCommand,
 }
 
+#[derive(Debug, clap::Args)]
+struct HostArgument {
+    /// OpenUSD of the wheel host: 25.08, or 26.03, which needs Python 3.13
+    #[arg(long, value_parser = WheelHost::named, default_value = WHEEL_HOSTS[0].usd)]
+    host: &'static WheelHost,
+}
+
 #[derive(Debug, Subcommand)]
 enum XtaskCommand {
     /// Install system packages (as root), put together the wheel host and the Python environments
-    Setup,
+    Setup {
+        #[command(flatten)]
+        host: HostArgument,
+    },
     /// Build the plugin for the wheel host
-    Build,
+    Build {
+        #[command(flatten)]
+        host: HostArgument,
+    },
     /// Render a scene: `record [usdrecord flags] SCENE OUT`
     #[command(disable_help_flag = true)]
     Record {
@@ -52,7 +65,10 @@ enum XtaskCommand {
         arguments: Vec<OsString>,
     },
     /// Print shell exports: `eval "$(cargo xtask env)"`
-    Env,
+    Env {
+        #[command(flatten)]
+        host: HostArgument,
+    },
     /// Build against an OpenUSD SDK and install the plugin
     Install {
         /// Root of the SDK (the folder with `include/pxr/pxr.h`)
@@ -66,13 +82,15 @@ enum XtaskCommand {
     Wheel,
     /// Pack plugin and add-on as an extension of Blender 5.0 into `build/dist`, to install from disk
     Blender,
-    /// Run all tests, or those whose name contains FILTER
+    /// Run all tests, or those whose name contains FILTER; for another host than the default one, those that ask it
     Test {
         /// Part of a test's name
         filter: Option<String>,
         /// Take all seeds where a few tell nearly as much, and run tests through Hydra in both front ends
         #[arg(long)]
         full: bool,
+        #[command(flatten)]
+        host: HostArgument,
     },
     /// Formatting, lints, documentation, crate graph, words, lengths of files and lines, documents
     Check {
@@ -129,20 +147,22 @@ fn main() -> ExitCode {
 
 fn perform(task: XtaskCommand) -> Result<()> {
     let places = RootFolders::from_env()?;
+    let of = |host: HostArgument| RootFolders { wheel: host.host, ..places.clone() };
     match task {
-        XtaskCommand::Setup => set_up(&places).map(drop),
-        XtaskCommand::Build => build(&places).map(drop),
+        XtaskCommand::Setup { host } => set_up(&of(host)).map(drop),
+        XtaskCommand::Build { host } => build(&of(host)).map(drop),
         XtaskCommand::Record { arguments } => record(&places, &arguments),
-        XtaskCommand::Env => print_env(&places),
+        XtaskCommand::Env { host } => print_env(&of(host)),
         XtaskCommand::Wheel => product::pack(&places, &set_up(&places)?),
         XtaskCommand::Blender => product::pack_for_blender(&places, &set_up(&places)?),
         XtaskCommand::Install { usd, prefix } => install(&places, &usd, &prefix),
-        XtaskCommand::Test { filter, full } => {
+        XtaskCommand::Test { filter, full, host } => {
+            let places = of(host);
             let interpreter = set_up(&places)?;
             testing::run(&places, &interpreter, testing::TestExtent { filter: filter.as_deref(), full })
         }
         XtaskCommand::Check { fast } => {
-            system::prepare(system::NeededFor::Check)?;
+            system::prepare(system::NeededFor::Check, places.wheel)?;
             check::run_all(&places, if fast { check::CheckDepth::Text } else { check::CheckDepth::Compiled })
         }
         XtaskCommand::Book { open } => book::make(&places, open),
@@ -161,9 +181,10 @@ fn perform(task: XtaskCommand) -> Result<()> {
 }
 
 fn set_up(places: &RootFolders) -> Result<PythonInterpreter> {
-    system::prepare(system::NeededFor::Build)?;
-    let interpreter =
-        host::find_interpreter().context("no CPython 3.11 with headers and venv; name one in OOCPT_PYTHON")?;
+    system::prepare(system::NeededFor::Build, places.wheel)?;
+    let interpreter = host::find_interpreter(places.wheel).with_context(|| {
+        format!("no CPython {} with headers and venv; name one in OOCPT_PYTHON", places.wheel.python)
+    })?;
     host::prepare(places, &interpreter)?;
     Ok(interpreter)
 }
@@ -204,7 +225,7 @@ fn settings_for_recording(places: &RootFolders) -> Result<(Vec<shell::VariableSe
         build(places)?;
         return Ok((shell::for_wheel(places), None));
     };
-    system::prepare(system::NeededFor::Build)?;
+    system::prepare(system::NeededFor::Build, places.wheel)?;
     let prefix = product::install_for_sdk(places, &usd, &places.repo.join("build/sdk"))?;
     Ok((shell::for_sdk(&usd, &prefix), Some(usd)))
 }
@@ -217,7 +238,7 @@ fn print_env(places: &RootFolders) -> Result<()> {
 }
 
 fn install(places: &RootFolders, usd: &Path, prefix: &Path) -> Result<()> {
-    system::prepare(system::NeededFor::Build)?;
+    system::prepare(system::NeededFor::Build, places.wheel)?;
     let prefix = product::install_for_sdk(places, usd, prefix)?;
     say(format_args!(
         "installed; hosts find it with PXR_PLUGINPATH_NAME={}",
@@ -228,7 +249,7 @@ fn install(places: &RootFolders, usd: &Path, prefix: &Path) -> Result<()> {
 
 /// Becomes `oocpt doctor`.
 fn doctor(places: &RootFolders, arguments: &[OsString]) -> Result<()> {
-    system::prepare(system::NeededFor::Build)?;
+    system::prepare(system::NeededFor::Build, places.wheel)?;
     let mut cargo = product::cargo(places, "run");
     cargo.args(["--quiet", "--profile", product::PROFILE, "--package", "oocpt-cli", "--bin", "oocpt", "--", "doctor"]);
     if names_one_of(arguments, &["--scene"]) {

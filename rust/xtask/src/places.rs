@@ -10,10 +10,57 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result};
 
-/// Python minor version of the wheel host; headers, interpreter and wheels must agree on it.
-pub(crate) const PYTHON_VERSION: &str = "3.11";
+/// A wheel host: the OpenUSD inside Blender's Python module.
+#[derive(Debug, PartialEq, Eq)]
+pub(crate) struct WheelHost {
+    /// OpenUSD's version, as `--host` and folders name it.
+    pub(crate) usd: &'static str,
+    /// Version of the Python module.
+    pub(crate) bpy: &'static str,
+    /// Python's minor version; headers, interpreter and wheels must agree on it.
+    pub(crate) python: &'static str,
+}
 
-/// Roots of the clone and of the cache.
+/// All wheel hosts. The first one is the default, and what is shipped is built for it.
+pub(crate) const WHEEL_HOSTS: [WheelHost; 2] = [
+    WheelHost { usd: "25.08", bpy: "5.0.1", python: "3.11" },
+    WheelHost { usd: "26.03", bpy: "5.2.3", python: "3.13" },
+];
+
+impl WheelHost {
+    /// The host with this version of OpenUSD.
+    ///
+    /// # Errors
+    /// Lists the hosts if there is none.
+    pub(crate) fn named(usd: &str) -> Result<&'static Self, String> {
+        let known = || WHEEL_HOSTS.iter().map(|host| host.usd).collect::<Vec<_>>().join(", ");
+        WHEEL_HOSTS.iter().find(|host| host.usd == usd).ok_or_else(|| format!("there are the hosts {}", known()))
+    }
+
+    /// Returns true for the host that commands take where none is named.
+    pub(crate) fn is_default(&self) -> bool {
+        *self == WHEEL_HOSTS[0]
+    }
+
+    /// OpenUSD's version as Python's `Usd.GetVersion()` gives it.
+    pub(crate) fn version_tuple(&self) -> String {
+        let parts: Vec<_> = self.usd.split('.').map(|part| part.trim_start_matches('0')).collect();
+        format!("(0, {})", parts.join(", "))
+    }
+
+    /// Blender's folder in the module, below which its Python is.
+    pub(crate) fn python_folder(&self) -> String {
+        let blender = self.bpy.rsplit_once('.').map_or(self.bpy, |(minor, _)| minor);
+        format!("bpy/{blender}/python/lib/python{}/site-packages", self.python)
+    }
+
+    /// The end of the names of folders that each host has for itself.
+    fn suffix(&self) -> String {
+        if self.is_default() { String::new() } else { format!("-{}", self.usd) }
+    }
+}
+
+/// Roots of the clone and of the cache, and the host that is meant.
 #[derive(Clone, Debug)]
 pub(crate) struct RootFolders {
     /// Folder with the workspace `Cargo.toml`.
@@ -22,10 +69,12 @@ pub(crate) struct RootFolders {
     pub(crate) cache: PathBuf,
     /// Cargo's target folder.
     pub(crate) target: PathBuf,
+    /// The wheel host that paths lead to.
+    pub(crate) wheel: &'static WheelHost,
 }
 
 impl RootFolders {
-    /// Reads `OOCPT_CACHE`, `HOME` and `CARGO_TARGET_DIR`.
+    /// Reads `OOCPT_CACHE`, `HOME` and `CARGO_TARGET_DIR`; the wheel host is the default one.
     ///
     /// # Errors
     /// If neither `OOCPT_CACHE` nor `HOME` is set.
@@ -40,7 +89,7 @@ impl RootFolders {
             Some(target) => repo.join(target),
             None => repo.join("target"),
         };
-        Ok(Self { repo, cache, target })
+        Ok(Self { repo, cache, target, wheel: &WHEEL_HOSTS[0] })
     }
 
     /// Wheels as downloaded.
@@ -50,7 +99,7 @@ impl RootFolders {
 
     /// Root of the unpacked wheel host; see [`crate::host`] for what is inside.
     pub(crate) fn host(&self) -> PathBuf {
-        self.cache.join("host-25.08")
+        self.cache.join(format!("host-{}", self.wheel.usd))
     }
 
     /// `MaterialX`'s data libraries of the host.
@@ -60,12 +109,17 @@ impl RootFolders {
 
     /// Folder of the host that holds the Python package `pxr`.
     pub(crate) fn host_site(&self) -> PathBuf {
-        self.host().join("python/bpy/5.0/python/lib/python3.11/site-packages")
+        self.host().join("python").join(self.wheel.python_folder())
+    }
+
+    /// Folder of the virtual environment `name` of the wheel host.
+    pub(crate) fn venv(&self, name: &str) -> PathBuf {
+        self.cache.join(format!("{name}{}", self.wheel.suffix()))
     }
 
     /// Build tree of the wheel host's plugin.
     pub(crate) fn wheel_build(&self) -> PathBuf {
-        self.repo.join("build/wheel")
+        self.repo.join(format!("build/wheel{}", self.wheel.suffix()))
     }
 
     /// Folder to name in `PXR_PLUGINPATH_NAME` for the wheel host.
@@ -90,6 +144,24 @@ fn cache_root(explicit: Option<OsString>, home: Option<OsString>) -> Result<Path
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn each_host_has_its_folders() {
+        let of = |usd| RootFolders {
+            repo: "/r".into(),
+            cache: "/c".into(),
+            target: "/t".into(),
+            wheel: WheelHost::named(usd).unwrap(),
+        };
+        let (old, new) = (of("25.08"), of("26.03"));
+        assert_eq!(old.wheel_build(), Path::new("/r/build/wheel"), "the default has plain names");
+        assert_eq!((old.venv("v"), new.venv("v")), ("/c/v".into(), "/c/v-26.03".into()), "environments");
+        assert_eq!(new.wheel_build(), Path::new("/r/build/wheel-26.03"), "build tree");
+        let site = "/c/host-26.03/python/bpy/5.2/python/lib/python3.13/site-packages";
+        assert_eq!(new.host_site(), Path::new(site), "modules");
+        assert_eq!(new.wheel.version_tuple(), "(0, 26, 3)", "without zeros in front");
+        assert!(WheelHost::named("24.11").unwrap_err().contains("25.08, 26.03"), "the known ones are listed");
+    }
 
     #[test]
     fn the_cache_follows_its_variable_then_home() {

@@ -31,7 +31,7 @@ const BENCH: &str = "oocpt-bench";
 const HOST_PROGRAMS: [(&str, &str); 2] =
     [("usdrecord", "plugin/usdrecord"), ("oocpt-texture-host", "plugin/texture-host")];
 
-/// Builds the plugin for the wheel host into `build/wheel`, with a `usdrecord` beside it.
+/// Builds the plugin for the wheel host into its build tree, with a `usdrecord` beside it.
 ///
 /// # Errors
 /// If cargo, `CMake` or the build fails.
@@ -107,6 +107,7 @@ fn keep(places: &RootFolders, profile: &str, file: &str) -> Result<()> {
 fn build_plugin_for_wheel(places: &RootFolders, interpreter: &PythonInterpreter) -> Result<()> {
     let mut options = bridge_options(places, PROFILE);
     options.push(("OOCPT_HOST".into(), "wheel".into()));
+    options.push(("OOCPT_HOST_VERSION".into(), places.wheel.usd.into()));
     options.push(("OOCPT_HOST_ROOT".into(), path(&places.host())));
     options.push(("OOCPT_PYTHON_INCLUDE".into(), path(&interpreter.include)));
     let tree = places.wheel_build();
@@ -220,7 +221,7 @@ fn sdk_tree_name(usd: &Path) -> String {
     format!("sdk{name}")
 }
 
-/// Writes `build/wheel/bin/NAME`, which starts a script in the wheel host with the plugin in its path.
+/// Writes the build tree's `bin/NAME`, which starts a script in the wheel host with the plugin in its path.
 fn write_program(places: &RootFolders, name: &str, script: &str) -> Result<()> {
     let program = places.wheel_bin().join(name);
     let text = program_script(places, script);
@@ -255,6 +256,7 @@ fn path(path: &Path) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::places::WHEEL_HOSTS;
 
     #[test]
     fn warnings_are_seen_among_the_messages() {
@@ -272,7 +274,8 @@ mod tests {
 
     #[test]
     fn usdrecord_keeps_the_users_plugins() {
-        let places = RootFolders { repo: "/r p".into(), cache: "/c".into(), target: "/t".into() };
+        let places =
+            RootFolders { repo: "/r p".into(), cache: "/c".into(), target: "/t".into(), wheel: &WHEEL_HOSTS[0] };
         let script = program_script(&places, "plugin/usdrecord");
         assert!(script.contains("exec /c/venv-host/bin/python -I '/r p/plugin/usdrecord' \"$@\""), "{script}");
         assert!(script.contains("${PXR_PLUGINPATH_NAME:+:$PXR_PLUGINPATH_NAME}"), "{script}");

@@ -16,6 +16,10 @@ pub(super) type ProgressMonitor = unsafe extern "C" fn(*mut c_void, f64) -> bool
 pub(super) const CPU: c_int = 1;
 /// `OIDN_FORMAT_FLOAT3`.
 pub(super) const FLOAT3: c_int = 3;
+/// `OIDN_STORAGE_DEVICE`: memory of the device, which the host cannot reach.
+pub(super) const DEVICE_STORAGE: c_int = 2;
+/// `OIDN_EXTERNAL_MEMORY_TYPE_FLAG_OPAQUE_FD`.
+pub(super) const OPAQUE_FD: c_int = 1;
 /// `OIDN_ERROR_NONE`.
 pub(super) const NO_ERROR: c_int = 0;
 /// `OIDN_ERROR_CANCELLED`.
@@ -63,6 +67,10 @@ functions! {
     device_int: b"oidnGetDeviceInt\0", fn(OidnHandle, *const c_char) -> c_int;
     set_device_bool: b"oidnSetDeviceBool\0", fn(OidnHandle, *const c_char, bool);
     new_buffer: b"oidnNewBuffer\0", fn(OidnHandle, usize) -> OidnHandle;
+    new_buffer_with_storage: b"oidnNewBufferWithStorage\0", fn(OidnHandle, usize, c_int) -> OidnHandle;
+    new_shared_buffer: b"oidnNewSharedBuffer\0", fn(OidnHandle, *mut c_void, usize) -> OidnHandle;
+    new_shared_buffer_from_fd: b"oidnNewSharedBufferFromFD\0", fn(OidnHandle, c_int, c_int, usize) -> OidnHandle;
+    sync_device: b"oidnSyncDevice\0", fn(OidnHandle);
     read_buffer: b"oidnReadBuffer\0", fn(OidnHandle, usize, usize, *mut c_void);
     write_buffer: b"oidnWriteBuffer\0", fn(OidnHandle, usize, usize, *const c_void);
     release_buffer: b"oidnReleaseBuffer\0", fn(OidnHandle);
@@ -71,7 +79,7 @@ functions! {
         fn(OidnHandle, *const c_char, OidnHandle, c_int, usize, usize, usize, usize, usize);
     set_filter_bool: b"oidnSetFilterBool\0", fn(OidnHandle, *const c_char, bool);
     set_filter_int: b"oidnSetFilterInt\0", fn(OidnHandle, *const c_char, c_int);
-    set_filter_monitor: b"oidnSetFilterProgressMonitorFunction\0", fn(OidnHandle, ProgressMonitor, *mut c_void);
+    set_filter_monitor: b"oidnSetFilterProgressMonitorFunction\0", fn(OidnHandle, Option<ProgressMonitor>, *mut c_void);
     commit_filter: b"oidnCommitFilter\0", fn(OidnHandle);
     execute_filter: b"oidnExecuteFilter\0", fn(OidnHandle);
     release_filter: b"oidnReleaseFilter\0", fn(OidnHandle);

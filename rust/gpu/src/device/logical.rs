@@ -53,6 +53,8 @@ pub(crate) struct LogicalDevice {
     pub(crate) host_memory: HostMemory,
     /// Lends pages of the process as host memory, if the driver accepts them.
     pub(crate) lending: Option<PageLender>,
+    /// Exports memory, if the driver can.
+    pub(crate) exporting: Option<ash::khr::external_memory_fd::Device>,
     query_pools: Mutex<Vec<vk::QueryPool>>,
     lost: OnceLock<String>,
     #[cfg(feature = "faults")]
@@ -75,6 +77,8 @@ impl LogicalDevice {
         let (raw, watch) = crate::device::watch::taken_over(&raw, &memory_types);
         let granule = probed.lent_granule;
         let lending = (granule > 0).then(|| PageLender::new(&instance, &raw, granule));
+        let exports = probed.report.capabilities.external_memory_fd;
+        let exporting = exports.then(|| ash::khr::external_memory_fd::Device::new(&instance.raw, &raw));
         let heaps = &probed.report.heaps;
         let unified = heaps.iter().all(|heap| heap.device_local);
         let names = DebugNames::new(&instance.raw, &raw, instance.names);
@@ -93,6 +97,7 @@ impl LogicalDevice {
             retired: RetireQueue::new(),
             host_memory: HostMemory::default(),
             lending,
+            exporting,
             query_pools: Mutex::new(Vec::new()),
             lost: OnceLock::new(),
             #[cfg(feature = "faults")]
@@ -280,6 +285,9 @@ fn create_raw(instance: &Instance, probed: &ProbedDevice, choices: &QueueChoices
     }
     if probed.report.capabilities.external_memory_host {
         extensions.push(ash::ext::external_memory_host::NAME.as_ptr());
+    }
+    if probed.report.capabilities.external_memory_fd {
+        extensions.push(ash::khr::external_memory_fd::NAME.as_ptr());
     }
     let mut chain = FeatureChain::enable(&probed.report.capabilities);
     let info = vk::DeviceCreateInfo::default()

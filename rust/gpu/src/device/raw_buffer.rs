@@ -22,6 +22,8 @@ pub(crate) struct RawBuffer {
     pub(crate) mapped: Option<MappedPointer>,
     /// Pages of the process, if they are lent to the driver.
     pub(crate) pages: Option<HostPages>,
+    /// True if the memory can be exported.
+    pub(crate) exported: bool,
     /// Address for the host on devices that share the host's memory (`host_view`); else `None`.
     pub(crate) seen: Option<MappedPointer>,
 }

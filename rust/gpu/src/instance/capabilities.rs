@@ -31,6 +31,8 @@ pub struct DeviceCapabilities {
     pub memory_budget: bool,
     /// `VK_EXT_external_memory_host`: pages of this process can be lent to the driver.
     pub external_memory_host: bool,
+    /// `VK_KHR_external_memory_fd`: other libraries of this process can import buffers.
+    pub external_memory_fd: bool,
     /// The compute queue writes timestamps.
     pub timestamps: bool,
     /// 64-bit atomics on shared memory.
@@ -70,10 +72,11 @@ impl DeviceCapabilities {
 
     /// Name and presence of the capabilities that are used when present, for `doctor`.
     #[must_use]
-    pub fn optional(&self) -> [(&'static str, bool); 9] {
+    pub fn optional(&self) -> [(&'static str, bool); 10] {
         [
             ("memory budget", self.memory_budget),
             ("external host memory", self.external_memory_host),
+            ("exported memory", self.external_memory_fd),
             ("timestamps", self.timestamps),
             ("shared int64 atomics", self.shader_shared_int64_atomics),
             ("float64", self.shader_float64),
@@ -112,6 +115,7 @@ pub(crate) fn probe_features(
         compute_queue: false,
         memory_budget: false,
         external_memory_host: false,
+        external_memory_fd: false,
         timestamps: false,
         shader_shared_int64_atomics: yes(v12.shader_shared_int64_atomics),
         shader_float64: yes(core.shader_float64),

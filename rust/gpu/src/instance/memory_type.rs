@@ -8,6 +8,9 @@ use ash::vk;
 pub enum BufferUsage {
     /// Device memory, not reachable by the host. It counts against the budget.
     Device,
+    /// The same, but other libraries of this process may import it, if the driver can export memory
+    /// (`VK_KHR_external_memory_fd`).
+    Exported,
     /// Host memory that the host writes and the device reads; always mapped.
     Upload,
     /// Host memory that the device writes and the host reads; always mapped.
@@ -17,6 +20,25 @@ pub enum BufferUsage {
     /// others.
     Shared,
 }
+
+impl BufferUsage {
+    /// Returns true if it is device memory, which the host does not map.
+    pub(crate) fn is_device(self) -> bool {
+        matches!(self, Self::Device | Self::Exported)
+    }
+}
+
+/// What Vulkan is told that buffers are for: everything.
+pub(crate) const BUFFER_USAGES: vk::BufferUsageFlags = vk::BufferUsageFlags::from_raw(
+    vk::BufferUsageFlags::STORAGE_BUFFER.as_raw()
+        | vk::BufferUsageFlags::INDIRECT_BUFFER.as_raw()
+        | vk::BufferUsageFlags::TRANSFER_SRC.as_raw()
+        | vk::BufferUsageFlags::TRANSFER_DST.as_raw()
+        | vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS.as_raw(),
+);
+
+/// The only kind of handle by which memory is exported.
+pub(crate) const EXPORTED_KIND: vk::ExternalMemoryHandleTypeFlags = vk::ExternalMemoryHandleTypeFlags::OPAQUE_FD;
 
 const KNOWN_FLAGS: vk::MemoryPropertyFlags = vk::MemoryPropertyFlags::from_raw(
     vk::MemoryPropertyFlags::DEVICE_LOCAL.as_raw()
@@ -36,7 +58,7 @@ pub(crate) fn choose_type(types: &[vk::MemoryType], allowed: u32, usage: BufferU
     type MemoryFlags = vk::MemoryPropertyFlags;
     let host = MemoryFlags::HOST_VISIBLE | MemoryFlags::HOST_COHERENT;
     let (required, wanted, unwanted) = match usage {
-        BufferUsage::Device => {
+        BufferUsage::Device | BufferUsage::Exported => {
             (MemoryFlags::DEVICE_LOCAL, MemoryFlags::empty(), MemoryFlags::HOST_VISIBLE | MemoryFlags::HOST_CACHED)
         }
         BufferUsage::Upload => (host, MemoryFlags::empty(), MemoryFlags::DEVICE_LOCAL | MemoryFlags::HOST_CACHED),

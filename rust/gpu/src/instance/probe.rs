@@ -8,7 +8,7 @@ use ash::vk;
 use crate::error::GpuError;
 use crate::instance::capabilities::{DeviceCapabilities, probe_features};
 use crate::instance::lane::{QueueChoices, choose_queues};
-use crate::instance::memory_type::is_all_mapped;
+use crate::instance::memory_type::{BUFFER_USAGES, EXPORTED_KIND, is_all_mapped};
 use crate::instance::report::{DeviceKind, DeviceReport, HeapReport};
 use crate::instance::vulkan::{Instance, vulkan_error};
 
@@ -56,6 +56,9 @@ fn probe(instance: &Instance, index: usize, physical: vk::PhysicalDevice) -> Res
     let lends = modern && has_extension(instance, physical, ash::ext::external_memory_host::NAME)?;
     let lent_granule = if lends { lent_granule(instance, physical) } else { 0 };
     capabilities.external_memory_host = lent_granule > 0;
+    capabilities.external_memory_fd = modern
+        && has_extension(instance, physical, ash::khr::external_memory_fd::NAME)?
+        && exports_buffers(instance, physical);
     #[cfg(feature = "faults")]
     crate::instance::capabilities::hide(&mut capabilities);
     let version = properties.api_version;
@@ -134,6 +137,18 @@ fn lent_granule(instance: &Instance, physical: vk::PhysicalDevice) -> u64 {
     // SAFETY: `physical` comes from this instance, and the chained structure is one that the device supports.
     unsafe { instance.raw.get_physical_device_properties2(physical, &mut chain) };
     host.min_imported_host_pointer_alignment
+}
+
+/// Returns true if memory of buffers can be exported without being dedicated to one: libraries that import it cannot be
+/// told that it is. The device speaks at least Vulkan 1.2.
+fn exports_buffers(instance: &Instance, physical: vk::PhysicalDevice) -> bool {
+    let info = vk::PhysicalDeviceExternalBufferInfo::default().usage(BUFFER_USAGES).handle_type(EXPORTED_KIND);
+    let mut found = vk::ExternalBufferProperties::default();
+    // SAFETY: `physical` comes from this instance, and the function is one of Vulkan 1.1.
+    unsafe { instance.raw.get_physical_device_external_buffer_properties(physical, &info, &mut found) };
+    let features = found.external_memory_properties.external_memory_features;
+    features.contains(vk::ExternalMemoryFeatureFlags::EXPORTABLE)
+        && !features.contains(vk::ExternalMemoryFeatureFlags::DEDICATED_ONLY)
 }
 
 /// Reads all heaps; `free` only if the extension is present.

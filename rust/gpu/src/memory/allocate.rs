@@ -15,7 +15,7 @@ use crate::device::logical::LogicalDevice;
 use crate::device::mapped::MappedPointer;
 use crate::device::raw_buffer::RawBuffer;
 use crate::error::GpuError;
-use crate::instance::memory_type::{BufferUsage, HOST_FLAGS, choose_type};
+use crate::instance::memory_type::{BUFFER_USAGES, BufferUsage, EXPORTED_KIND, HOST_FLAGS, choose_type};
 use crate::instance::probe::read_heaps;
 
 /// Smallest size of a buffer, and the multiple to which sizes are rounded up: Vulkan has no empty buffers, and
@@ -52,22 +52,18 @@ impl<'a> NewBuffer<'a> {
         let size = bytes.max(1).checked_next_multiple_of(SIZE_STEP).filter(|&size| size <= limit);
         let size = size.ok_or_else(|| GpuError::TooLarge { name: name.to_owned(), bytes, limit })?;
         let families = device.choices.map(|choice| choice.family);
-        let mut info = vk::BufferCreateInfo::default().size(size).sharing_mode(vk::SharingMode::EXCLUSIVE).usage(
-            vk::BufferUsageFlags::STORAGE_BUFFER
-                | vk::BufferUsageFlags::INDIRECT_BUFFER
-                | vk::BufferUsageFlags::TRANSFER_SRC
-                | vk::BufferUsageFlags::TRANSFER_DST
-                | vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS,
-        );
+        let sharing = vk::SharingMode::EXCLUSIVE;
+        let mut info = vk::BufferCreateInfo::default().size(size).sharing_mode(sharing).usage(BUFFER_USAGES);
         if families[0] != families[1] {
             // Shaders reach memory by address, so no command list knows all buffers that it touches, nor those whose
             // ownership it would have to transfer between families. Sharing changes the layout of images; for buffers
             // drivers do nothing with it.
             info = info.sharing_mode(vk::SharingMode::CONCURRENT).queue_family_indices(&families);
         }
-        let mut external = vk::ExternalMemoryBufferCreateInfo::default().handle_types(lending::KIND);
-        if usage == BufferUsage::Shared {
-            // The buffer will be bound to no other memory.
+        // The kind of memory that the buffer will be bound to, and no other.
+        let kind = if usage == BufferUsage::Exported { EXPORTED_KIND } else { lending::KIND };
+        let mut external = vk::ExternalMemoryBufferCreateInfo::default().handle_types(kind);
+        if matches!(usage, BufferUsage::Shared | BufferUsage::Exported) {
             info = info.push_next(&mut external);
         }
         // SAFETY: the device is alive, the size is not zero, the families differ and are the device's, and
@@ -82,6 +78,7 @@ impl<'a> NewBuffer<'a> {
             bytes: size,
             mapped: None,
             pages: None,
+            exported: usage == BufferUsage::Exported,
             seen: None,
         };
         let mut new = Self { device, name, usage, raw, needs: (0, 0), types: 0, is_finished: false };
@@ -106,7 +103,7 @@ impl<'a> NewBuffer<'a> {
         })?;
         self.needs = (needs.size, kind);
         let local = self.memory_flags().contains(vk::MemoryPropertyFlags::DEVICE_LOCAL);
-        let counted = self.usage == BufferUsage::Device || (local && !self.device.unified);
+        let counted = self.usage.is_device() || (local && !self.device.unified);
         self.raw.account = if counted { MemoryAccount::Device } else { MemoryAccount::Host };
         Ok(())
     }
@@ -120,7 +117,7 @@ impl<'a> NewBuffer<'a> {
     /// # Errors
     /// `OutOfMemory`: nothing is held then, and it may be called again. `DeviceLost`, or another failed call.
     pub(crate) fn take_memory(&mut self) -> Result<(), GpuError> {
-        let Self { device, name, raw, needs: (bytes, memory_type), .. } = self;
+        let Self { device, name, raw, usage, needs: (bytes, memory_type), .. } = self;
         let (bytes, memory_type) = (*bytes, *memory_type);
         let heap = device.memory_types.memory_types_as_slice()[memory_type as usize].heap_index as usize;
         if raw.account == MemoryAccount::Device && device.report.capabilities.memory_budget {
@@ -130,7 +127,7 @@ impl<'a> NewBuffer<'a> {
             }
         }
         device.budget.reserve(name, bytes, raw.account)?;
-        match allocate(device, (bytes, memory_type), None) {
+        match allocate(device, (bytes, memory_type), None, *usage == BufferUsage::Exported) {
             Ok(memory) => {
                 raw.memory = memory;
                 raw.reserved = bytes;
@@ -164,7 +161,7 @@ impl<'a> NewBuffer<'a> {
         }
         raw.account = MemoryAccount::Host;
         device.budget.reserve(name, bytes, raw.account)?;
-        match allocate(device, (bytes, memory_type), Some(pages)) {
+        match allocate(device, (bytes, memory_type), Some(pages), false) {
             Ok(memory) => {
                 (raw.memory, raw.reserved, self.needs) = (memory, bytes, (bytes, memory_type));
                 Ok(true)
@@ -181,7 +178,7 @@ impl<'a> NewBuffer<'a> {
         }
     }
 
-    /// Binds the memory that was taken, and maps it unless the usage is `BufferUsage::Device`.
+    /// Binds the memory that was taken, and maps it unless the usage is one of device memory.
     ///
     /// # Errors
     /// A failed call; the buffer is destroyed then.
@@ -198,12 +195,12 @@ impl<'a> NewBuffer<'a> {
         if let Some(pages) = self.raw.pages {
             self.raw.mapped = Some(pages.at);
             self.raw.seen = is_seen.then_some(pages.at);
-        } else if self.usage != BufferUsage::Device || is_seen {
+        } else if !self.usage.is_device() || is_seen {
             let whole = (0, vk::WHOLE_SIZE, vk::MemoryMapFlags::empty());
             // SAFETY: the type is HOST_VISIBLE, and this is the only mapping of this memory.
             let mapped = unsafe { device.raw.map_memory(self.raw.memory, whole.0, whole.1, whole.2) };
             let mapped = NonNull::new(device.check("vkMapMemory", mapped)?.cast()).map(MappedPointer);
-            self.raw.mapped = mapped.filter(|_| self.usage != BufferUsage::Device);
+            self.raw.mapped = mapped.filter(|_| !self.usage.is_device());
             self.raw.seen = mapped.filter(|_| is_seen);
         }
         device.host_memory.add(&self.raw);
@@ -213,11 +210,12 @@ impl<'a> NewBuffer<'a> {
 }
 
 /// Allocates memory of this size, not 0 and within `maxMemoryAllocationSize`, and of this type of the device's list; of
-/// pages that the type allows, if there are any.
+/// pages that the type allows, if there are any; to be exported, which the device can then.
 fn allocate(
     device: &LogicalDevice,
     (bytes, memory_type): (u64, u32),
     pages: Option<HostPages>,
+    is_exported: bool,
 ) -> Result<vk::DeviceMemory, vk::Result> {
     let mut flags = vk::MemoryAllocateFlagsInfo::default().flags(vk::MemoryAllocateFlags::DEVICE_ADDRESS);
     let mut import = vk::ImportMemoryHostPointerInfoEXT::default().handle_type(lending::KIND);
@@ -226,6 +224,10 @@ fn allocate(
     if let Some(pages) = pages {
         import.p_host_pointer = pages.at.as_ptr().cast();
         info = info.push_next(&mut import);
+    }
+    let mut export = vk::ExportMemoryAllocateInfo::default().handle_types(EXPORTED_KIND);
+    if is_exported {
+        info = info.push_next(&mut export);
     }
     // SAFETY: size and type are as the caller says; the pages are mapped until the memory is freed, at a place and of
     // a size that the extension allows.

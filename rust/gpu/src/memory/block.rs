@@ -9,6 +9,7 @@ use crate::device::heap_counters::HeldBytes;
 use crate::device::logical::LogicalDevice;
 use crate::device::raw_buffer::{RawBuffer, RetiredBuffer};
 use crate::instance::lane::TimelinePoints;
+use crate::instance::memory_type::EXPORTED_KIND;
 
 /// The points after which an object may be destroyed: the newest submissions, of both lanes, at the time when its
 /// public handle was dropped.
@@ -61,6 +62,17 @@ impl MemoryBlock {
 
     pub(crate) fn buffer(&self) -> vk::Buffer {
         self.raw.buffer
+    }
+
+    /// A file descriptor of the memory for another library, which takes it over, and the bytes of the memory. `None` if
+    /// it cannot be exported.
+    pub(crate) fn export(&self) -> Option<(i32, u64)> {
+        let exporting = self.device.exporting.as_ref().filter(|_| self.raw.exported)?;
+        let info = vk::MemoryGetFdInfoKHR::default().memory(self.raw.memory).handle_type(EXPORTED_KIND);
+        // SAFETY: the memory is alive, and was allocated to be exported as this kind of handle.
+        let exported = unsafe { exporting.get_memory_fd(&info) };
+        let exported = exported.inspect_err(|code| tracing::trace!(?code, "memory cannot be exported"));
+        Some((exported.ok()?, self.raw.reserved))
     }
 
     /// Notes that nothing submitted from now on uses this block by its address.

@@ -98,8 +98,8 @@ impl OpenDevice {
         self.device.last_retired().into_iter().chain(of_heaps).reduce(TimelinePoints::later)
     }
 
-    /// Makes a buffer of at least `bytes` with its own memory, mapped unless `usage` is `BufferUsage::Device`. On a
-    /// shortage it takes back retired memory, and tries once more.
+    /// Makes a buffer of at least `bytes` with its own memory, mapped unless `usage` is one of device memory. On
+    /// a shortage it takes back retired memory, and tries once more.
     ///
     /// # Errors
     /// `TooLarge`, `OutOfMemory` (nothing is held then), `DeviceLost`, or another failed call.
@@ -116,6 +116,7 @@ impl OpenDevice {
                 Some(lent) => return Ok(lent),
                 None => BufferUsage::Readback,
             },
+            BufferUsage::Exported if self.device.exporting.is_none() => BufferUsage::Device,
             usage => usage,
         };
         let mut new = NewBuffer::new(&self.device, name, bytes, usage)?;

@@ -88,6 +88,7 @@ impl CompiledFeatures {
         needed.set(Features::PIXEL_FILTER, film.has_color() && !job.settings.filter().is_plain());
         needed.set(Features::PATH_EXPRESSIONS, !film.expressions().is_empty());
         needed.set(Features::SHADOW_SUMS, film.has_shadows());
+        needed.set(Features::LOAD_WAITS, film.filtered().is_some_and(FilteredPlanes::has_waits));
         needed.set(Features::BOUNCE_KINDS, limits_kinds(&job.settings));
         needed.set(Features::STREAMING, streams);
         // While streaming a ray waits for the texture of a cutout as it does for chunks.

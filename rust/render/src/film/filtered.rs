@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Images that are filtered with the samples: for each the mean over a pixel's samples of what they meet first, or of
 //! the light that they meet on the paths of an expression, or how much of the light that shadow rays ask for arrives,
-//! or the ids of what they meet first, ranked by their number, or what they meet first by its depth. Values lie in this
+//! or how often they wait for loads, or the ids of what they meet first, ranked by their number, or what they meet first by its depth. Values lie in this
 //! order.
 //!
 //! A sample leaves its values for all of them, one after the other, at its path or, while streaming, at its place in a
@@ -78,8 +78,9 @@ pub(crate) fn filtered(kinds: &[AovKind], filters: bool) -> Vec<AovKind> {
     let (means, lists): (Vec<_>, Vec<_>) = of_samples().partition(|kind| !kind.is_list());
     let (ids, deep): (Vec<_>, Vec<_>) = lists.into_iter().partition(|kind| kind.ranks_ids());
     let (shadows, means): (Vec<_>, Vec<_>) = means.into_iter().partition(|kind| kind.is_of_shadows());
+    let (waits, means): (Vec<_>, Vec<_>) = means.into_iter().partition(|kind| *kind == AovKind::LoadWaits);
     // Requests have one deep image at most.
-    [means, shadows, ids, deep].concat()
+    [means, shadows, waits, ids, deep].concat()
 }
 
 /// Bytes of the sums and slots of a film of so many records.
@@ -120,15 +121,23 @@ impl FilteredPlanes {
         self.kinds.iter().filter_map(|kind| kind.expression()).collect()
     }
 
-    /// Values of a sample that paths have until they end: of expressions, then of shadows; the last that are summed.
+    /// Values of a sample that paths have until they end: of expressions, then of shadows and waits; the last that are
+    /// summed.
     pub(crate) fn light_words(&self) -> u32 {
-        let of_light = self.kinds.iter().filter(|kind| kind.expression().is_some() || kind.is_of_shadows());
+        let is_of_path =
+            |kind: &&AovKind| kind.expression().is_some() || kind.is_of_shadows() || **kind == AovKind::LoadWaits;
+        let of_light = self.kinds.iter().filter(is_of_path);
         of_light.map(|kind| kind.summed_words()).sum()
     }
 
     /// Whether some of them are of shadows.
     pub(crate) fn has_shadows(&self) -> bool {
         self.kinds.iter().any(|kind| kind.is_of_shadows())
+    }
+
+    /// Whether it is counted how often paths wait for loads.
+    pub(crate) fn has_waits(&self) -> bool {
+        self.kinds.contains(&AovKind::LoadWaits)
     }
 
     /// Whether some of them are of what samples meet first.
@@ -220,6 +229,7 @@ fn offset(at: &mut PlaneOffsets, kind: AovKind) -> Option<&mut u32> {
         | AovKind::MaterialId
         | AovKind::Shadow
         | AovKind::ShadowCatcher
+        | AovKind::LoadWaits
         | AovKind::Denoised
         | AovKind::Primvar(_)
         | AovKind::Light(_)
@@ -241,11 +251,12 @@ mod tests {
         let all = filtered(&AovKind::ALL, true);
         assert_eq!(
             SampleWords::of(&all),
-            SampleWords { summed: 27, ids: 2, deep: None },
-            "six images of three channels, and shadows"
+            SampleWords { summed: 29, ids: 2, deep: None },
+            "six images of three channels, shadows and waits"
         );
         assert!(all[..6].iter().all(|kind| kind.is_filterable()), "ids come last: {all:?}");
-        let always = [AovKind::Shadow, AovKind::ShadowCatcher, AovKind::CryptoObject, AovKind::CryptoMaterial];
+        let of_paths = [AovKind::Shadow, AovKind::ShadowCatcher, AovKind::LoadWaits];
+        let always = [&of_paths[..], &[AovKind::CryptoObject, AovKind::CryptoMaterial]].concat();
         assert_eq!(filtered(&AovKind::ALL, false), always);
         let [mean, centred] = [false, true].map(|is| AovKind::Primvar(PrimvarImage::of("st", is).expect("a name")));
         assert_eq!(filtered(&[mean, centred], true), [mean], "whole numbers have no mean");

@@ -5,6 +5,7 @@ pub(crate) mod adaptive;
 pub(crate) mod denoised;
 mod exr_header;
 pub(crate) mod filtered;
+mod in_place;
 pub(crate) mod measure;
 pub mod picture;
 mod picture_attribute;
@@ -15,6 +16,7 @@ use crate::denoiser::DenoisedPicture;
 use crate::error::RenderError;
 use crate::film::adaptive::AdaptiveBuffers;
 use crate::film::filtered::FilteredPlanes;
+use crate::film::in_place::FilmDenoiser;
 use crate::job::RenderJob;
 use crate::job::aov::{AovKind, AovRequest};
 use crate::job::expression::ExpressionId;
@@ -135,6 +137,8 @@ pub(crate) struct Film {
     measured: [u32; 2],
     /// The bits of told relMSE over the mean of `s` of the pixels ([`ErrorSums`]), as known last.
     error_scale: AtomicU32,
+    /// Dropped before the images that it works in.
+    denoiser: FilmDenoiser,
     /// One copy of every wanted image, then the counters.
     readback: Buffer,
 }
@@ -145,15 +149,16 @@ fn film_bytes(pixels: u64, adaptive: bool) -> u64 {
     pixels * streams * size_of::<FilmPixel>() as u64
 }
 
-fn plane(gpu: &Arc<Gpu>, kind: AovKind, pixels: u64) -> Result<Buffer, GpuError> {
-    Buffer::new(gpu, kind.token(), pixels * kind.pixel_bytes() as u64, BufferUsage::Device)
+/// The image of `kind`, one of `kinds`.
+fn plane(gpu: &Arc<Gpu>, kinds: &[AovKind], kind: AovKind, pixels: u64) -> Result<Buffer, GpuError> {
+    Buffer::new(gpu, kind.token(), pixels * kind.pixel_bytes() as u64, in_place::usage(kinds, kind))
 }
 
 /// The images but for the colour, and the buffer to which all are copied.
 fn images(gpu: &Arc<Gpu>, kinds: &[AovKind], pixels: u64) -> Result<(Vec<(AovKind, Buffer)>, Buffer), GpuError> {
     let of_device = || kinds.iter().copied().filter(|kind| *kind != AovKind::Denoised);
     let others = of_device().filter(|kind| *kind != AovKind::Color);
-    let planes = others.map(|kind| Ok((kind, plane(gpu, kind, pixels)?))).collect::<Result<_, GpuError>>()?;
+    let planes = others.map(|kind| Ok((kind, plane(gpu, kinds, kind, pixels)?))).collect::<Result<_, GpuError>>()?;
     let bytes: u64 = of_device().map(|kind| pixels * kind.pixel_bytes() as u64).sum();
     let bytes = bytes + size_of::<WavefrontCounters>() as u64;
     Ok((planes, Buffer::new(gpu, "readback", bytes, BufferUsage::Readback)?))
@@ -182,7 +187,7 @@ impl Film {
         let film = has_color.then(|| Buffer::new(gpu, "film", film_bytes, BufferUsage::Device)).transpose()?;
         let error_bytes = u64::from(ERROR_SLOTS) * (parts + size_of::<WavefrontCounters>()) as u64;
         let errors = has_color.then(|| Buffer::new(gpu, "errors", error_bytes, BufferUsage::Readback)).transpose()?;
-        let color = has_color.then(|| plane(gpu, AovKind::Color, pixels)).transpose()?;
+        let color = has_color.then(|| plane(gpu, &kinds, AovKind::Color, pixels)).transpose()?;
         let (planes, readback) = images(gpu, &kinds, pixels)?;
         let error_scale = AtomicU32::new(1.0_f32.to_bits());
         Ok(Self {
@@ -198,17 +203,27 @@ impl Film {
             filtered,
             measured: everywhere(pixels),
             error_scale,
+            denoiser: FilmDenoiser::default(),
             readback,
         })
     }
 
     /// The same film with the images of another request, which has its samples ([`RenderRequest::has_samples_of`]).
     pub(crate) fn with_images_of(self, gpu: &Arc<Gpu>, request: &RenderRequest) -> Result<Self, GpuError> {
-        let Self { kinds: had, planes: old, readback: read, .. } = self;
-        drop((had, old, read));
+        let Self { kinds: had, planes: old, readback: read, color, denoiser, .. } = self;
+        drop((had, old, read, denoiser));
         let kinds = request.kinds();
         let (planes, readback) = images(gpu, &kinds, self.pixels)?;
-        Ok(Self { kinds, planes, readback, ..self })
+        // It is made of the samples again.
+        let usage = in_place::usage(&kinds, AovKind::Color);
+        let color = match color {
+            Some(color) if color.usage() != usage => {
+                drop(color);
+                Some(plane(gpu, &kinds, AovKind::Color, self.pixels)?)
+            }
+            color => color,
+        };
+        Ok(Self { kinds, planes, readback, color, denoiser: FilmDenoiser::default(), ..self })
     }
 
     /// Whether these images serve `request` too, wherever its window is.
@@ -285,7 +300,7 @@ impl Film {
         self.filtered.as_ref().map_or_else(Vec::new, FilteredPlanes::expressions)
     }
 
-    /// Values that a sample has for these and for shadows.
+    /// Values that a sample has for these, for shadows and waits.
     pub(crate) fn light_words(&self) -> u32 {
         self.filtered.as_ref().map_or(0, FilteredPlanes::light_words)
     }
@@ -431,6 +446,7 @@ impl Film {
                 AovKind::MaterialId => &mut frame.aov.material_id,
                 AovKind::Shadow => &mut frame.aov.shadow,
                 AovKind::ShadowCatcher => &mut frame.aov.shadow_catcher,
+                AovKind::LoadWaits => &mut frame.aov.load_waits,
             };
             *address = plane.address();
         }
@@ -498,6 +514,7 @@ impl Film {
 
     /// Copies every image and the counters to where the host can read them.
     pub(crate) fn copy_out(&self, commands: &mut CommandList, counters: &Buffer) {
+        self.denoiser.is_made();
         let color = self.color.as_ref().filter(|_| self.kinds.contains(&AovKind::Color));
         let sources = color.into_iter().chain(self.planes.iter().map(|(_, plane)| plane));
         commands.concurrent(|c| {
@@ -556,13 +573,18 @@ impl Film {
             let is_shown = published.begin(generation, &self.kinds, layout, extent);
             for kind in self.kinds.iter().filter(|_| is_shown) {
                 let there = if self.is_sampled(*kind) { extent.samples } else { extent.planes };
-                let of_denoiser = denoised.filter(|_| *kind == AovKind::Denoised);
-                let image = of_denoiser.map_or_else(|| self.image(bytes, *kind), DenoisedPicture::bytes);
-                published.put(*kind, image, there);
+                match denoised.filter(|_| *kind == AovKind::Denoised) {
+                    None => published.put(*kind, self.image(bytes, *kind), there),
+                    Some(DenoisedPicture { rgba: Some(rgba), .. }) => {
+                        published.put(*kind, bytemuck::cast_slice(rgba), there);
+                    }
+                    Some(_) => self.denoiser.look(|image| published.put(*kind, image, there))?,
+                }
             }
             let counters_at = bytes.len() - size_of::<WavefrontCounters>();
             counters = bytemuck::pod_read_unaligned(&bytes[counters_at..]);
-        })?;
+            Ok::<(), GpuError>(())
+        })??;
         Ok(counters)
     }
 
@@ -620,6 +642,7 @@ fn bind_clear(frame: &mut FrameConstants, aov: &AovRequest) {
         | AovKind::Error
         | AovKind::Shadow
         | AovKind::ShadowCatcher
+        | AovKind::LoadWaits
         | AovKind::Denoised
         | AovKind::Primvar(_)
         | AovKind::Light(_) => {}

@@ -4,7 +4,8 @@
 //!
 //! Without that setting they go to a file that has no name once it is open, so that nothing is left behind however the
 //! process ends. With it, they go to a file of this process in that folder ([`pack`]); files of other processes are
-//! read, too, and the least recently used ones are removed if all together exceed the limit. Any thread.
+//! read, too, and the least recently used ones are removed if all together exceed the limit, but none that a process
+//! writes or has found an entry in. Any thread.
 
 mod pack;
 #[cfg(test)]
@@ -20,7 +21,7 @@ use pack::PackFile;
 use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, Weak};
 use std::time::{Duration, SystemTime};
 
@@ -71,6 +72,8 @@ struct PackFiles {
     scratch: Option<Arc<PackFile>>,
     /// Bytes of the files of other processes, when they were last measured.
     others_bytes: Option<u64>,
+    /// Other processes use what takes the room: nothing is added any more.
+    is_full: bool,
     /// Files of other processes that are already marked as used.
     marked: Vec<PathBuf>,
 }
@@ -112,23 +115,27 @@ impl GeometryFiles {
 
     /// A new file.
     fn begin(&self, is_persistent: bool) -> io::Result<PackFile> {
-        static NUMBER: AtomicU64 = AtomicU64::new(0);
-        fs::create_dir_all(&self.setting.folder)?;
         let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default().as_nanos();
-        let (process, number) = (std::process::id(), NUMBER.fetch_add(1, Ordering::Relaxed));
-        let path = self.setting.folder.join(format!("{now:024x}-{process}-{number}.{ENDING}"));
-        let file = File::options().read(true).write(true).create_new(true).open(&path)?;
+        let name = format!("{now:024x}-{}.{ENDING}", oocpt_files::unique_number());
+        let path = self.setting.folder.join(name);
+        let create = || File::options().read(true).write(true).create_new(true).open(&path);
+        let file = oocpt_files::create_in(&self.setting.folder, create)?;
         if is_persistent {
+            let is_there = oocpt_files::hold(&file);
+            tracing::trace!(is_there, path = %path.display(), "new geometry file");
             return Ok(PackFile::new(file, Some(path)));
         }
-        fs::remove_file(&path)?;
-        Ok(PackFile::new(file, None))
+        match fs::remove_file(&path) {
+            // A process that makes room was faster.
+            Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
+            _ => Ok(PackFile::new(file, None)),
+        }
     }
 
     /// Removes files of other processes until there is room for `bytes`; returns false if that is not enough.
     fn make_room(&self, packs: &mut PackFiles, bytes: u64) -> bool {
         let needed = packs.own.as_ref().map_or(0, |own| own.bytes()).saturating_add(bytes);
-        if needed > self.setting.limit {
+        if needed > self.setting.limit || packs.is_full {
             return false;
         }
         let own = packs.own.as_ref().and_then(|own| own.path()).cloned();
@@ -144,12 +151,13 @@ impl GeometryFiles {
             if needed.saturating_add(sum) <= self.setting.limit {
                 break;
             }
-            // A process that has it open keeps it.
-            remove(&file.path);
-            sum = sum.saturating_sub(file.bytes);
+            if remove(&file.path) {
+                sum = sum.saturating_sub(file.bytes);
+            }
         }
         packs.others_bytes = Some(sum);
-        true
+        packs.is_full = needed.saturating_add(sum) > self.setting.limit;
+        !packs.is_full
     }
 
     /// The files that may have an entry, opened at the first call.
@@ -232,9 +240,11 @@ impl MeshFiles for GeometryFiles {
 
     fn damaged(&self, key: Option<u128>, error: &PayloadError) {
         for pack in self.known().iter().filter(|pack| key.is_some_and(|key| pack.has(key))) {
-            // No later lookup should find the damaged entry.
+            // No later lookup should find the damaged entry. Who else uses the file, or writes it, keeps it.
             pack.forget();
-            pack.path().into_iter().for_each(|path| remove(path));
+            if let Some(path) = pack.path() {
+                remove(path);
+            }
         }
         if !self.is_reported.swap(true, Ordering::Relaxed) {
             let folder = self.setting.folder.display();
@@ -269,9 +279,13 @@ fn files_of(folder: &Path) -> Vec<FileOfFolder> {
     fs::read_dir(folder).into_iter().flatten().flatten().filter_map(file).collect()
 }
 
-/// Removes a file; another process may have been faster.
-fn remove(path: &Path) {
-    if let Err(error) = fs::remove_file(path) {
-        tracing::debug!(path = %path.display(), %error, "cannot be removed");
+/// Removes a file that no process uses. Returns true if it is gone; another process may have been faster.
+fn remove(path: &Path) -> bool {
+    match oocpt_files::remove_unused(path) {
+        Ok(is_removed) => is_removed,
+        Err(error) => {
+            tracing::debug!(path = %path.display(), %error, "cannot be removed");
+            error.kind() == io::ErrorKind::NotFound
+        }
     }
 }

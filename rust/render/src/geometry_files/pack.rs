@@ -127,13 +127,16 @@ impl PackFile {
         lock(&self.records).contains_key(&key)
     }
 
-    /// Forgets all records with keys. Payloads in use stay valid.
+    /// Forgets all records with keys, and lets others remove the file. Payloads in use stay valid.
     pub(super) fn forget(&self) {
         lock(&self.records).clear();
+        oocpt_files::release(&self.file);
     }
 
-    /// Marks the file as used now.
+    /// Marks the file as used now, and until it is closed.
     pub(super) fn mark(&self) {
+        let is_there = oocpt_files::hold(&self.file);
+        tracing::trace!(is_there, "found");
         // The times do not matter in a folder that cannot be written.
         let marked = self.file.set_modified(std::time::SystemTime::now());
         tracing::trace!(?marked, "used");

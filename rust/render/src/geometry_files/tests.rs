@@ -189,6 +189,54 @@ fn the_oldest_foreign_files_are_evicted() {
 }
 
 #[test]
+fn files_that_a_process_uses_are_not_evicted() {
+    let folder = Folder::new("used");
+    let (first, _) = folder.open(true, u64::MAX);
+    add(&first, 1, 1, 1000);
+    let one = fs::metadata(&folder.files()[0]).expect("there").len();
+    let second = || folder.open(true, one + one / 2).0;
+    let there = |key: u128| found(&folder.open(true, u64::MAX).0, key).is_some();
+    add(&second(), 2, 2, 1000);
+    assert!(there(1) && !there(2), "the first process may write more");
+    let (reader, _) = folder.open(true, u64::MAX);
+    assert!(found(&reader, 1).is_some());
+    drop(first);
+    let stored = add(&second(), 2, 2, 1000);
+    assert_eq!(read(&stored[1]), Ok(vec![2; 1002]), "what does not last can be read");
+    assert!(there(1) && !there(2), "a process has found something in it");
+    drop(reader);
+    add(&second(), 2, 2, 1000);
+    assert!(!there(1) && there(2), "nobody uses it");
+}
+
+#[test]
+fn processes_that_clean_one_folder_take_nothing_from_each_other() {
+    let folder = Folder::new("together");
+    let run = |first: u128| {
+        for step in 0..40 {
+            let key = 1 + (first + step * 7) % 12;
+            let (files, shared) = folder.open(true, 5000);
+            let byte = u8::try_from(key).expect("small");
+            let expected = [vec![byte; 4], vec![byte; 5], vec![byte; 1002]];
+            match found(&files, key) {
+                Some(entry) => assert_eq!(entry, expected, "of its own key"),
+                None => assert_eq!(read(&add(&files, key, byte, 1000)[1]), Ok(expected[2].clone())),
+            }
+            assert!(messages(&shared).is_empty(), "all could be written and read");
+        }
+    };
+    std::thread::scope(|scope| {
+        for first in [0, 3, 6] {
+            scope.spawn(move || run(first));
+        }
+    });
+    let (files, _) = folder.open(true, 5000);
+    add(&files, 100, 1, 1000);
+    let bytes: u64 = folder.files().iter().map(|file| fs::metadata(file).expect("there").len()).sum();
+    assert!(bytes <= 5000, "{bytes} within the limit once nobody uses them");
+}
+
+#[test]
 fn an_unwritable_folder_gives_one_warning() {
     let folder = Folder::new("file");
     let file = folder.0.join("file");

@@ -9,7 +9,7 @@
 use crate::job::deep::DeepLimits;
 use crate::job::expression::ExpressionId;
 use crate::job::primvar::PrimvarImage;
-use oocpt_abi::{CATCHER_WORDS, DeepSlot, SHADOW_WORDS};
+use oocpt_abi::{CATCHER_WORDS, DeepSlot, SHADOW_WORDS, WAIT_WORDS};
 
 macro_rules! aov_kinds {
     ($($(#[doc = $doc:literal])+ $name:ident: $token:literal, $channels:literal;)+) => {
@@ -108,6 +108,9 @@ aov_kinds! {
     /// What shadow catchers have of `Color`'s alpha: their share of the pixel times the share of the light that does
     /// not arrive at them; f32.
     ShadowCatcher: "shadowCatcher", 1;
+    /// How often the rays and materials of a sample waited for chunks, meshes or tiles of textures to be loaded: the
+    /// mean of the pixel's samples; f32. It depends on the memory and the timing of loads.
+    LoadWaits: "loadWaits", 1;
     /// `Color` as the denoiser makes it (`crate::denoiser`); it is `Color` itself on the way and where there is none.
     Denoised: "denoised", 4;
 }
@@ -158,7 +161,7 @@ impl AovKind {
     /// Whether the image is of values that samples have beside their light; `filters`: as
     /// [`oocpt_core::settings::Settings::filter_aovs`] says.
     pub(crate) fn is_of_samples(self, filters: bool) -> bool {
-        filters && self.is_filterable() || self.expression().is_some() || self.is_list() || self.is_of_shadows()
+        filters && self.is_filterable() || self.expression().is_some() || self.is_list() || self.is_of_paths()
     }
 
     /// Whether the image is made of the light that shadow rays ask for, and of what of it arrives.
@@ -166,11 +169,17 @@ impl AovKind {
         matches!(self, Self::Shadow | Self::ShadowCatcher)
     }
 
+    /// Whether the image is of what happens to a sample's rays on their way.
+    fn is_of_paths(self) -> bool {
+        self.is_of_shadows() || self == Self::LoadWaits
+    }
+
     /// Values of a sample that are summed for an image of samples that is no list.
     pub(crate) fn summed_words(self) -> u32 {
         match self {
             Self::Shadow => SHADOW_WORDS,
             Self::ShadowCatcher => CATCHER_WORDS,
+            Self::LoadWaits => WAIT_WORDS,
             // At most four.
             kind => u32::try_from(kind.channels()).unwrap_or(0),
         }
@@ -199,7 +208,7 @@ impl AovKind {
     /// Whether the image says something of the samples of `Color`, or is a part of it.
     pub(crate) fn is_of_light(self) -> bool {
         let tells = matches!(self, Self::Denoised | Self::SampleCount | Self::Variance | Self::Error);
-        tells || self.is_of_shadows() || matches!(self, Self::Color | Self::Light(_) | Self::Deep(_))
+        tells || self.is_of_paths() || matches!(self, Self::Color | Self::Light(_) | Self::Deep(_))
     }
 
     /// Hydra's usual value of a pixel that nothing covers.

@@ -51,6 +51,8 @@ pub struct PlantedFaults {
     pub first_picture_alone: bool,
     /// Renders the film of a batch picture in windows of at most so many pixels, but of three rows at least.
     pub film_window: Option<u32>,
+    /// Copies images to the host to be denoised.
+    pub denoises_by_host: bool,
     /// Milliseconds after which a wait for loads is told, in place of a minute; 0 = a minute.
     pub impatient_millis: u32,
 }

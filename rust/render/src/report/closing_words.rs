@@ -99,7 +99,7 @@ mod tests {
             "64 samples, 12.3 s, relMSE 4.1e-3 (2.1e-3 to 8.2e-3), 1.5 GiB of device memory, 7 loads"
         );
         let by = "Open Image Denoise 2.5.1, CPU".to_owned();
-        stats.denoised = Some(DenoiserUsage { by, seconds: 0.31, replaces_color: true, truth: None });
+        stats.denoised = Some(DenoiserUsage { by, seconds: 0.31, replaces_color: true, ..DenoiserUsage::default() });
         assert!(line(&stats).ends_with("7 loads, denoised in 0.3 s by Open Image Denoise 2.5.1, CPU"), "{stats:?}");
         stats.denoised = None;
         (stats.streaming.in_core, stats.error, stats.gpu_peak_bytes) = (true, None, 300 << 20);

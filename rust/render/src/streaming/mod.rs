@@ -379,6 +379,7 @@ impl StreamingContext<'_, '_> {
             stats.resident_chunks = planner.resident_units;
             stats.chunks_touched = planner.units_touched;
             stats.loads = planner.loads;
+            stats.waits = counters.chunk_misses;
             stats.reloads = planner.reloads;
             stats.evictions = planner.evictions;
             stats.failed_loads = planner.failed_loads;

@@ -32,7 +32,7 @@ pub(crate) struct StreamingNeeds {
     pub(crate) bounce_kinds: bool,
     /// Values that a sample has for filtered images.
     pub(crate) plane_words: u32,
-    /// Of these, values of light path expressions and shadows.
+    /// Of these, values of light path expressions, shadows and waits.
     pub(crate) light_words: u32,
     /// True if there are light path expressions.
     pub(crate) path_states: bool,

@@ -100,7 +100,7 @@ fn per_slot(capacity: u32, bounds: PlaceBounds, usage: BufferUsage, max_allocati
     // The largest of the pieces, and all of them together.
     let by_driver = max_allocation_bytes / planes.max(RADIANCE_BYTES);
     let (most, places) = match usage {
-        BufferUsage::Device => (u64::from(PER_SLOT), by_driver),
+        BufferUsage::Device | BufferUsage::Exported => (u64::from(PER_SLOT), by_driver),
         BufferUsage::Upload | BufferUsage::Readback | BufferUsage::Shared => {
             let enough = (ENOUGH / slots).clamp(u64::from(PER_SLOT), u64::from(PER_SLOT_HOST));
             (enough, by_driver.min(bounds.host_bytes / (RADIANCE_BYTES + planes)))

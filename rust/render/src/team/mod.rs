@@ -40,18 +40,36 @@ impl RenderTeam {
         }
         let selector = (!settings.device.is_empty()).then_some(&*settings.device);
         let devices = devices_together(&settings.devices, selector)?;
+        let first = devices.first().map_or_else(String::new, |device| device.index.to_string());
         if let Some(text) = obstacle(job).map(str::to_owned).or_else(|| image_obstacle(job)) {
-            let device = devices.first().map_or_else(String::new, |device| device.index.to_string());
-            tell_obstacle(gate.shared(), settings, &text);
-            let settings = Settings { device, devices: String::new(), ..settings.clone() };
-            return self.render_on_one(&RenderJob { settings, ..job.clone() }, gate);
+            return self.render_on_first(job, gate, (first, &text));
         }
         warn(job, &devices, gate.shared());
         self.one = Renderer::default();
         if !self.members.iter().map(|member| member.device.index).eq(devices.iter().map(|device| device.index)) {
             self.members = TeamMember::of(devices);
         }
-        picture::render(job, gate, &mut self.members)
+        match picture::render(job, gate, &mut self.members) {
+            // One device alone needs no sums that merge, and renders a film that is too large in windows.
+            Err(error @ (RenderError::Budget { .. } | RenderError::NoProgress { .. }))
+                if settings.film_part.is_empty() =>
+            {
+                self.render_on_first(job, gate, (first, &format!("no device has the memory ({error})")))
+            }
+            result => result,
+        }
+    }
+
+    /// Renders `job` on the device of this index alone, and tells why.
+    fn render_on_first(
+        &mut self,
+        job: &RenderJob,
+        gate: &FrameGate<'_>,
+        (device, reason): (String, &str),
+    ) -> Result<(), RenderError> {
+        tell_obstacle(gate.shared(), &job.settings, reason);
+        let settings = Settings { device, devices: String::new(), ..job.settings.clone() };
+        self.render_on_one(&RenderJob { settings, ..job.clone() }, gate)
     }
 
     fn render_on_one(&mut self, job: &RenderJob, gate: &FrameGate<'_>) -> Result<(), RenderError> {

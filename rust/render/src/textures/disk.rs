@@ -4,7 +4,7 @@
 //! An entry is a file of `tx`, named by a hash of its key: the identity of the source (`ImageLibrary::identity`) and
 //! how it is read. It is written under another name and renamed when it is complete, so nobody reads half of one; each
 //! tile has a checksum, and a damaged entry is removed and made again. The least recently used entries are removed if
-//! all together exceed the limit. Any thread.
+//! all together exceed the limit, but none that a process uses. Any thread.
 
 use super::convert::TileSink;
 use super::image::ImageError;
@@ -16,7 +16,7 @@ use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, SystemTime};
 use xxhash_rust::xxh3::xxh3_128;
 
@@ -28,14 +28,21 @@ const STALE: Duration = Duration::from_secs(24 * 60 * 60);
 /// Entries are marked as used no more often than this.
 const MARK_AGE: Duration = Duration::from_secs(60 * 60);
 
+/// What this process knows of the entries of all processes.
+#[derive(Debug, Default)]
+struct KnownEntries {
+    bytes: u64,
+    /// Bytes beyond which the folder is looked at: 0 before it was.
+    clean_at: u64,
+}
+
 /// The folder with its limit and its state.
 #[derive(Debug)]
 pub(crate) struct DiskCache {
     folder: PathBuf,
     /// Bytes of all entries.
     limit: u64,
-    /// Their bytes, as far as this process knows; `None` before it has looked.
-    known_bytes: Mutex<Option<u64>>,
+    known: Mutex<KnownEntries>,
     complaint: Mutex<Option<String>>,
     failed: AtomicBool,
 }
@@ -53,13 +60,7 @@ impl DiskCache {
 
     /// A cache in a folder, which is created with the first entry.
     pub(crate) fn new(folder: PathBuf, limit: u64) -> Self {
-        Self {
-            folder,
-            limit,
-            known_bytes: Mutex::default(),
-            complaint: Mutex::default(),
-            failed: AtomicBool::new(false),
-        }
+        Self { folder, limit, known: Mutex::default(), complaint: Mutex::default(), failed: AtomicBool::new(false) }
     }
 
     /// The first error, once: the render goes on without the cache where it fails.
@@ -90,6 +91,9 @@ impl DiskCache {
         let path = self.path(key);
         let file = oocpt_files::open(&path).ok()?;
         let used = file.metadata().and_then(|metadata| metadata.modified());
+        if !oocpt_files::hold(&file) {
+            return None;
+        }
         match TxFile::open(file) {
             Ok(entry) if entry.description().key == key => {
                 let now = SystemTime::now();
@@ -109,11 +113,9 @@ impl DiskCache {
         }
     }
 
-    /// Removes the entry of a key; a process that has it open keeps it.
+    /// Removes the entry of a key, unless a process uses it.
     pub(crate) fn remove(&self, key: &str) {
-        if let Err(error) = fs::remove_file(self.path(key)) {
-            tracing::trace!(%error, "no entry to remove");
-        }
+        delete(&self.path(key));
     }
 
     /// Begins an entry; `None`, with a complaint, if nothing can be written.
@@ -121,14 +123,11 @@ impl DiskCache {
         if self.has_failed() {
             return None;
         }
-        static NUMBER: AtomicU64 = AtomicU64::new(0);
-        let number = NUMBER.fetch_add(1, Ordering::Relaxed);
         let path = self.path(&description.key);
-        let part = path.with_extension(format!("{}-{number}.{UNDER_WAY}", std::process::id()));
+        let part = path.with_extension(format!("{}.{UNDER_WAY}", oocpt_files::unique_number()));
         under_way::begin(&part);
-        let begun = fs::create_dir_all(&self.folder)
-            .and_then(|()| File::options().write(true).create_new(true).open(&part))
-            .and_then(|file| TxWriter::new(file, description));
+        let create = || File::options().write(true).create_new(true).open(&part);
+        let begun = oocpt_files::create_in(&self.folder, create).and_then(|file| TxWriter::new(file, description));
         match begun {
             Ok(writer) => Some(PendingEntry { cache: self, writer: Some(writer), part, path }),
             Err(error) => {
@@ -141,16 +140,13 @@ impl DiskCache {
 
     /// Takes in a new entry, and removes old ones if there are too many.
     fn added(&self, path: &Path, bytes: u64) {
-        let mut known = lock(&self.known_bytes);
-        let sum = match *known {
-            Some(sum) => sum.saturating_add(bytes),
-            None => u64::MAX, // Not looked yet.
-        };
-        if sum <= self.limit {
-            *known = Some(sum);
-            return;
+        let mut known = lock(&self.known);
+        known.bytes = known.bytes.saturating_add(bytes);
+        if known.bytes > known.clean_at {
+            known.bytes = self.clean(path);
+            // Entries that are used stay: the folder is not looked at again for each new one.
+            known.clean_at = self.limit.max(known.bytes.saturating_add(self.limit / 8));
         }
-        *known = Some(self.clean(path));
     }
 
     /// Removes stale files, and entries, the oldest first, until they are within the limit, but not `newest`. Returns
@@ -171,7 +167,9 @@ impl DiskCache {
                     sum = sum.saturating_add(metadata.len());
                     entries.push((used, metadata.len(), path));
                 }
-                Some(UNDER_WAY) if now.duration_since(used).is_ok_and(|age| age > STALE) => delete(&path),
+                Some(UNDER_WAY) if now.duration_since(used).is_ok_and(|age| age > STALE) => {
+                    delete(&path);
+                }
                 _ => {}
             }
         }
@@ -180,8 +178,7 @@ impl DiskCache {
             if sum <= self.limit {
                 break;
             }
-            if path != newest {
-                delete(&path);
+            if path != newest && delete(&path) {
                 sum = sum.saturating_sub(bytes);
             }
         }
@@ -196,10 +193,14 @@ fn is_ours(path: &Path) -> bool {
     stem.len() == 32 && stem.bytes().all(|byte| byte.is_ascii_hexdigit())
 }
 
-/// Removes a file; another process may have been faster.
-fn delete(path: &Path) {
-    if let Err(error) = fs::remove_file(path) {
-        tracing::debug!(path = %path.display(), %error, "cannot be removed");
+/// Removes a file that no process uses. Returns true if it is gone; another process may have been faster.
+fn delete(path: &Path) -> bool {
+    match oocpt_files::remove_unused(path) {
+        Ok(is_removed) => is_removed,
+        Err(error) => {
+            tracing::debug!(path = %path.display(), %error, "cannot be removed");
+            error.kind() == io::ErrorKind::NotFound
+        }
     }
 }
 
@@ -216,9 +217,13 @@ impl PendingEntry<'_> {
     /// Completes the file and renames it; `None`, with a complaint, if that fails.
     pub(crate) fn commit(mut self) -> Option<TxFile> {
         let writer = self.writer.take()?;
-        let ended = writer.finish().and_then(|_file| {
-            // The file is opened before it has its name: from then on another process may remove it.
-            let entry = TxFile::open(oocpt_files::open(&self.part)?)?;
+        let ended = writer.finish().and_then(|file| {
+            // NFS shows others what was written when the file is closed.
+            drop(file);
+            // Opened and held before it has its name: from then on another process may remove it.
+            let file = oocpt_files::open(&self.part)?;
+            let _is_there = oocpt_files::hold(&file);
+            let entry = TxFile::open(file)?;
             fs::rename(&self.part, &self.path)?;
             Ok(entry)
         });
@@ -381,6 +386,65 @@ mod tests {
         assert_eq!(there, ["a", "b", "d"], "c was not used for longest");
         assert!(!left.exists(), "what was left behind is gone");
         assert!(foreign.exists(), "a file that is none of ours stays");
+    }
+
+    /// What another process would find.
+    fn another(cache: &DiskCache) -> DiskCache {
+        DiskCache::new(cache.folder.clone(), cache.limit)
+    }
+
+    #[test]
+    fn entries_that_a_process_uses_are_not_evicted() {
+        let one = add(&cache("size", 0), "0", 1).bytes();
+        let cache = cache("used", 2 * one);
+        let (mine, found) = (add(&cache, "a", 1), another(&cache));
+        let found = found.find("a").expect("there");
+        drop(mine);
+        let other = another(&cache);
+        for key in 0..20 {
+            add(&other, &key.to_string(), 2);
+        }
+        assert!(another(&cache).find("a").is_some(), "a process has found it");
+        assert_eq!(files(&cache), 2, "all others but the newest are gone");
+        drop(found);
+        add(&other, "b", 2);
+        assert!(another(&cache).find("a").is_none(), "nobody uses it");
+    }
+
+    #[test]
+    fn processes_that_clean_one_folder_take_nothing_from_each_other() {
+        let one = add(&cache("sizes", 0), "0", 1).bytes();
+        let cache = cache("together", 4 * one);
+        let run = |first: u32| {
+            let own = another(&cache);
+            for step in 0..200 {
+                let value = u8::try_from((first + step * 7) % 12).expect("small");
+                let key = value.to_string();
+                let entry = own.find(&key).unwrap_or_else(|| add(&own, &key, value));
+                assert_eq!(texel(&entry), value, "of its own key");
+                // A process that has made room by then found no other use of it.
+                assert!(own.path(&key).exists(), "{key} is used");
+            }
+            assert!(own.take_complaint().is_none(), "all could be written");
+        };
+        std::thread::scope(|scope| {
+            for first in [0, 3, 6] {
+                scope.spawn(move || run(first));
+            }
+        });
+        drop(add(&another(&cache), "last", 1));
+        assert!(files(&cache) <= 4, "within the limit once nobody uses them");
+    }
+
+    #[test]
+    fn leftovers_of_processes_with_the_same_number_are_in_nobodys_way() {
+        let cache = cache("numbers", 1 << 20);
+        fs::create_dir_all(&cache.folder).expect("made");
+        for number in 0..100 {
+            let left = format!("{}-{number}.{UNDER_WAY}", std::process::id());
+            fs::write(cache.path("a").with_extension(left), b"").expect("written");
+        }
+        assert_eq!(texel(&add(&cache, "a", 1)), 1, "processes of containers have the same few numbers");
     }
 
     #[test]

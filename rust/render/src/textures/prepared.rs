@@ -176,7 +176,8 @@ impl PreparedImage {
         let mut state = lock(&self.state);
         if state.held.as_ref().is_some_and(|held| Arc::ptr_eq(held, damaged)) {
             state.held = None;
-            if let Some((disk, key)) = &self.disk {
+            if let (Some((disk, key)), HeldLevels::Disk(file)) = (&self.disk, &**damaged) {
+                file.release();
                 disk.remove(key);
             }
         }

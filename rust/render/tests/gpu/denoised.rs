@@ -5,7 +5,7 @@
 use crate::scenes::nested;
 use crate::support::{self, color_request, filtering, perspective, read, render, render_with_messages, settings};
 use glam::DVec3;
-use oocpt_core::settings::{DenoiseMode, Settings};
+use oocpt_core::settings::{DenoiseMode, SettingValue, Settings};
 use oocpt_render::picture::PictureAttribute;
 use oocpt_render::{AovKind, AovRequest, PixelWindow, PlantedFaults, RenderRequest, Session, SessionOptions, Severity};
 
@@ -79,6 +79,42 @@ fn the_setting_denoises_the_colour_and_its_layer_alike() {
     assert_eq!(plain.stats().denoised, None);
     let has_guide = made.buffers.iter().any(|buffer| buffer.name == "image albedo" && buffer.bytes > 0);
     assert!(!has_guide, "no guide where nobody denoises");
+}
+
+#[test]
+fn images_are_denoised_where_they_are_with_the_bits_of_copies() {
+    let request = asking(&[AovKind::Color, AovKind::Denoised, AovKind::Albedo, AovKind::Normal]);
+    // Images of pixel centres are made once: a filter that wrote them would be seen in the next picture.
+    for filter_aovs in [true, false] {
+        let [in_place, copied] = [false, true].map(|denoises_by_host| {
+            let faults = PlantedFaults { denoises_by_host, ..PlantedFaults::default() };
+            let options = SessionOptions { validation: true, faults, ..SessionOptions::default() };
+            let settings = Settings { filter_aovs, ..denoising(DenoiseMode::Off, 2) };
+            let session = Session::with_options(settings, options);
+            session.with_scene(nested);
+            let images = |request: &RenderRequest| {
+                let usage = session.stats().denoised.expect("denoised");
+                assert_eq!(usage.in_place, !denoises_by_host, "{usage:?}");
+                request.aovs.iter().map(|aov| read::<u8>(&session, request, aov.kind)).collect::<Vec<_>>()
+            };
+            render(&session, &request);
+            let first = images(&request);
+            assert!(session.set_setting("oocpt:samplesPerPixel", SettingValue::Int(4)).expect("a setting"));
+            assert!(session.wait_converged(support::TIMEOUT));
+            let second = images(&request);
+            assert_eq!(session.take_messages(), []);
+            // The film has samples, and a colour that nobody was to denoise.
+            let plain = asking(&[AovKind::Color]);
+            render(&session, &plain);
+            render(&session, &request);
+            [first, second, images(&request)]
+        });
+        assert!(in_place == copied, "the same bits");
+        let [first, second, third] = &in_place;
+        assert!(first[0] != first[1] && second[1] != first[1] && third == second);
+        assert!(first[2] != second[2] || !filter_aovs, "albedo is filtered with the samples, or the same");
+        assert!(filter_aovs || first[2..] == second[2..], "images of pixel centres stay");
+    }
 }
 
 #[test]

@@ -33,6 +33,7 @@ fn image_of(also: Also) -> AovKind {
         Also::Counts => AovKind::SampleCount,
         Also::Shadows => AovKind::Shadow,
         Also::Motion => AovKind::Motion,
+        Also::Waits => AovKind::LoadWaits,
         _ => AovKind::Color,
     }
 }

@@ -2,8 +2,11 @@
 //! Parts of films: ranges of samples that are rendered apart merge to the bits of the whole, and to its error.
 
 use crate::checkpoints::{Folder, by, open, view};
-use crate::scenes::{features, nested};
+use crate::scenes::{features, nested, prim, sphere};
 use crate::support::{TIMEOUT, read, render, render_with_messages};
+use glam::DMat4;
+use oocpt_abi::PrimMask;
+use oocpt_core::MeshDesc;
 use oocpt_core::pixel_filter::PixelFilterKind;
 use oocpt_core::scene::SceneDb;
 use oocpt_core::settings::{SampleSpan, Settings, TraversalKind};
@@ -116,6 +119,13 @@ fn samples_that_do_not_merge_are_refused_in_words() {
         assert!(message.severity == Severity::Error && message.text.contains(what), "{what}: {message:?}");
         assert!(!file.exists(), "{what}: no part");
     }
+    let caught = |db: &mut SceneDb| {
+        let ball = sphere(prim("/ball", DMat4::IDENTITY), 1, 6, 0.5);
+        db.upsert_mesh(MeshDesc { mask: PrimMask::SHADOW_CATCHER, ..ball });
+    };
+    let messages = render_with_messages(&open(caught, plain.clone(), false), &view());
+    assert!(matches!(&*messages, [one] if one.text.contains("shadow catchers")), "{messages:?}");
+    assert!(!file.exists(), "no part");
     let other = folder.file("other");
     render(&open(nested, plain, false), &view());
     render(&open(nested, Settings { seed: 7, ..part(&way, 16, 20, &other) }, false), &view());

@@ -403,6 +403,20 @@ fn filtered_images_go_on_from_a_checkpoint() {
 }
 
 #[test]
+fn a_fifth_primvar_is_left_out_by_its_name() {
+    let names = ["a", "b", "c", "d", "e", "d", "f"];
+    let kinds = names.map(|name| AovKind::from_token(&format!("primvars:{name}")).expect("a primvar"));
+    let view = asking(orthographic(DVec3::Z * 5.0, DVec3::ZERO, 6.0, SIZE), &kinds, [0.0; 4]);
+    let session = open(nested, filtering(settings(1, 0)), false);
+    let messages = support::render_with_messages(&session, &view);
+    let left: Vec<_> = messages.iter().filter(|said| said.text.starts_with("left out")).collect();
+    assert!(matches!(&*left, [one] if one.text.ends_with(": primvars:e, primvars:f")), "{messages:?}");
+    let bytes = (SIZE[0] * SIZE[1]) as usize * 16;
+    let is_there = kinds.map(|kind| session.read_aov(kind, &mut vec![0; bytes]));
+    assert_eq!(is_there, [true, true, true, true, false, true, false]);
+}
+
+#[test]
 fn checkpoints_with_crafted_sums_are_left_alone() {
     let folder = Folder::new("crafted-sums");
     let file = folder.file("film");

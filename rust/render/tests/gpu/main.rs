@@ -31,6 +31,7 @@ mod glass_furnace;
 mod going_on;
 mod last_bounce;
 mod lights;
+mod load_waits;
 mod materials;
 mod motion;
 mod motion_vectors;

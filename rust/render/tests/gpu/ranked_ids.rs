@@ -4,11 +4,12 @@
 
 use crate::checkpoints::{Folder, by, open};
 use crate::filtered_images::{SAMPLES, SIZE, asking, blurred, card_met, cards, disk, ray, session_of};
-use crate::scenes::{features, instanced, instancer, matrix, nested, places, prim, sphere};
+use crate::scenes::{features, glow, instanced, instancer, matrix, nested, places, prim, sphere};
 use crate::support::{filtering, perspective, read, render, settings};
 use glam::{DMat4, DVec3};
 use oocpt_abi::sampler::{pixel_seed, sample_4d};
 use oocpt_abi::{ID_RANKS, ID_SLOTS, IdSlot};
+use oocpt_core::MeshDesc;
 use oocpt_core::pixel_filter::PixelFilterKind;
 use oocpt_core::scene::SceneDb;
 use oocpt_core::settings::{Settings, TraversalKind};
@@ -61,6 +62,35 @@ fn shares_are_those_of_the_samples_that_meet_a_prim() {
     // A sample at an edge to the last bit may be on the other side in single precision.
     assert!(wrong <= 1, "{wrong} pixels differ");
     assert!(mixed > 10, "both cards are seen in some pixels: {mixed}");
+}
+
+/// The number of a material is that of its rank, where it has the pixel alone; -1 where there is none.
+#[test]
+fn materials_have_the_numbers_of_their_ranks() {
+    let kinds = [AovKind::Color, AovKind::CryptoMaterial, AovKind::MaterialId];
+    let view = view_of_nested(&kinds, SIZE);
+    let session = session_of(settings(8, 0), false, |db| {
+        for (id, material) in (1..).zip([Some("/red"), None, Some("/blue"), Some("/red")]) {
+            let place = DMat4::from_translation(DVec3::new(2.0 * f64::from(id) - 5.0, 0.5, 0.0));
+            let ball = sphere(prim(&format!("/ball{id}"), place), id, 8, 0.6);
+            db.upsert_mesh(MeshDesc { material: material.map(Into::into), ..ball });
+        }
+        db.upsert_material(glow("/red", [1.0, 0.0, 0.0]));
+        db.upsert_material(glow("/blue", [0.0, 0.0, 1.0]));
+    });
+    render(&session, &view);
+    let color = read::<[f32; 4]>(&session, &view, AovKind::Color);
+    let numbers = read::<i32>(&session, &view, AovKind::MaterialId);
+    let mut seen: BTreeMap<i32, u32> = BTreeMap::new();
+    for ((color, number), ranks) in color.iter().zip(numbers).zip(slots(&session, &view, AovKind::CryptoMaterial)) {
+        // Eight samples of one ball: so is the centre.
+        if color[3] == 1.0 && (ranks[0].weight == 1.0 || ranks[0].id == 0) {
+            assert_eq!(Some(number), i32::try_from(ranks[0].id).ok().map(|id| id - 1), "{color:?}");
+            *seen.entry(number).or_default() += 1;
+        }
+    }
+    let none = seen.remove(&-1).unwrap_or(0);
+    assert!(none > 9 && seen.len() == 2 && seen.values().all(|&pixels| pixels > 9), "{none}, {seen:?}");
 }
 
 /// What is seen covers as much as the alpha of the colour says, whatever weighs the samples.

@@ -131,6 +131,22 @@ fn a_picture_whose_devices_all_fail_is_an_error() {
     assert!(bits(&session) == clean(nested, on("0"), false).0, "and render it");
 }
 
+/// Sums that merge take more than films do. One device alone has windows.
+#[test]
+fn a_film_that_is_too_large_for_each_device_is_rendered_by_one() {
+    let large = RenderRequest { width: 1024, height: 1024, ..colour() };
+    let settings = |devices: &str| Settings { memory_budget_mib: 192, samples_per_pixel: 1, ..on(devices) };
+    let alone = open(nested, settings(""), false, PlantedFaults::default());
+    render(&alone, &large);
+    let session = open(nested, settings("0,0"), false, PlantedFaults::default());
+    let messages = render_with_messages(&session, &large);
+    let [left_out, Message { severity: Severity::Warning, text }] = &*messages else { panic!("{messages:?}") };
+    assert!(left_out.text.contains("is left out"), "{left_out:?}");
+    assert!(text.contains("no device has the memory") && text.contains("on one device"), "{text}");
+    let [one, several] = [&alone, &session].map(|session| read::<u32>(session, &large, AovKind::Color));
+    assert!(several == one, "the picture of one");
+}
+
 #[test]
 fn a_slow_device_renders_less_and_no_other_bits() {
     let faults = PlantedFaults { slow_device: Some([1, 3]), ..PlantedFaults::default() };

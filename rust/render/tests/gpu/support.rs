@@ -88,9 +88,10 @@ fn camera(eye: DVec3, target: DVec3, projection: DMat4, size: [u32; 2]) -> Camer
     }
 }
 
-/// The images that the renderer makes itself, but for ranks of ids.
+/// The images that the renderer makes itself, but for ranks of ids and those that depend on the timing of loads.
 pub(crate) fn own_images() -> impl Iterator<Item = AovKind> {
-    AovKind::ALL.into_iter().filter(|kind| *kind != AovKind::Denoised && !kind.ranks_ids())
+    let others = [AovKind::Denoised, AovKind::LoadWaits];
+    AovKind::ALL.into_iter().filter(move |kind| !others.contains(kind) && !kind.ranks_ids())
 }
 
 /// A request for every image of the renderer's own, with Hydra's usual clear values.

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The wheel host: a whole OpenUSD 25.08 with Hydra, put together from pinned wheels in the cache.
+//! A wheel host: a whole OpenUSD with Hydra, put together from pinned wheels in the cache.
 //!
 //! ```text
 //! $OOCPT_CACHE/                       default ~/.cache/oocpt
 //!   downloads/*.whl                   as downloaded; checked against the pins on every use
-//!   host-25.08/                       appears at once, finished (atomic rename); `.stamp` names its pins
+//!   host-25.08/, host-26.03/           appears at once, finished (atomic rename); `.stamp` names its pins
 //!     python/bpy/lib/libusd_ms.so     the runtime, its libraries and lib/usd plugins, placed as in the wheel
 //!     python/bpy/5.0/python/lib/python3.11/site-packages/{pxr,OpenImageIO,PyOpenColorIO}
-//!     dev/pxr-{tf,gf,...}/include     the header wheels, untouched
+//!     dev/pxr-{tf,gf,...}/include     the header wheels ([`headers`])
 //!     include/pxr/{tf,gf,...}         symlinks into dev/, as the headers name each other
 //!     include/pxr/{base,usd}/...      symlinks into dev/, at OpenUSD's standard paths
 //!     include/pxr/external/boost      symlink to the headers of pxr_boost
@@ -17,19 +17,21 @@
 //!                                     OpenImageIO, tifffile
 //!   venv-reference/                   the same with Mitsuba 3, made only when references are
 //! ```
-//! `include/` has neither `pxr/pxr.h` nor `pxr/imaging`: those are ours, under `cpp/abi/25.08`. The host and usd-core
-//! never share a process. Only what OpenUSD needs is unpacked (about 350 MB of 840). The wheel is a tool that the
+//! Names of folders are those of the default host; the environments of another end in its version.
+//!
+//! `include/` has neither `pxr/pxr.h` nor `pxr/imaging`: those are ours, under `cpp/abi`. The host and usd-core never
+//! share a process. Only what OpenUSD needs is unpacked (about 350 MB of 840). The wheel is a tool that the
 //! user's machine downloads; nothing of it is ever redistributed.
 
+mod headers;
 mod python;
 mod wheels;
 
 use std::fs::{self, File};
-use std::os::unix::fs::symlink;
 use std::path::Path;
 use std::process::Command;
 
-use anyhow::{Context as _, Result, ensure};
+use anyhow::{Context as _, Result};
 
 pub(crate) use self::python::{HOST_VENV, PythonInterpreter, REFERENCE_VENV, USD_VENV, VenvPlan, find_interpreter};
 use self::wheels::{PinnedWheel, WheelRole};
@@ -39,12 +41,13 @@ use crate::process::{run, say};
 /// Raised when the layout described above changes.
 const LAYOUT: u32 = 1;
 
-/// Members of the runtime wheel that OpenUSD and its Python modules load.
+/// Libraries of the runtime wheel that OpenUSD and its Python modules load, and its plugins.
 const RUNTIME_PREFIXES: &[&str] = &[
     "bpy/lib/libusd_ms",
     "bpy/lib/libosd",
     "bpy/lib/libvulkan",
     "bpy/lib/libopenvdb",
+    "bpy/lib/libopenjph",
     "bpy/lib/libMaterialX",
     "bpy/lib/libOpenImageIO",
     "bpy/lib/libOpenColorIO",
@@ -55,26 +58,6 @@ const RUNTIME_PREFIXES: &[&str] = &[
     "bpy/lib/libtbb",
     "bpy/lib/usd/",
     "bpy/lib/materialx/",
-    "bpy/5.0/python/lib/python3.11/site-packages/pxr/",
-    "bpy/5.0/python/lib/python3.11/site-packages/OpenImageIO/",
-    "bpy-5.0.1.dist-info/",
-];
-
-/// Header libraries and the folder of OpenUSD's source tree that each is included from.
-const HEADER_FOLDERS: &[(&str, &str)] = &[
-    ("arch", "base"),
-    ("gf", "base"),
-    ("js", "base"),
-    ("plug", "base"),
-    ("tf", "base"),
-    ("trace", "base"),
-    ("ts", "base"),
-    ("vt", "base"),
-    ("work", "base"),
-    ("ar", "usd"),
-    ("kind", "usd"),
-    ("sdf", "usd"),
-    ("boost", "external"),
 ];
 
 /// Makes sure that the wheel host and both virtual environments exist and match the pins; quick if they do.
@@ -104,19 +87,20 @@ pub(crate) fn prepare_extra(places: &RootFolders, interpreter: &PythonInterprete
 }
 
 fn unpack(places: &RootFolders, interpreter: &PythonInterpreter) -> Result<()> {
-    let pinned = wheels::with_role(&[WheelRole::Runtime, WheelRole::Headers]);
+    let pinned = wheels::with_role(places.wheel, &[WheelRole::Runtime, WheelRole::Headers]);
     let stamp = wheels::stamp(LAYOUT, &pinned);
     if is_stamped(&places.host(), &stamp) {
         return Ok(());
     }
     wheels::fetch(|| python::with_pip(places, interpreter), &places.downloads(), &pinned)?;
-    say("unpacking the wheel host (OpenUSD 25.08)");
-    let part = places.cache.join(format!("host-25.08.part-{}", std::process::id()));
+    say(format_args!("unpacking the wheel host (OpenUSD {})", places.wheel.usd));
+    let part = places.host().with_extension(format!("part-{}", std::process::id()));
     remove(&part)?;
     for wheel in &pinned {
         unpack_wheel(places, interpreter, wheel, &part)?;
     }
-    link_headers(&part)?;
+    headers::correct(&part, places.wheel)?;
+    headers::link(&part)?;
     fs::write(part.join(".stamp"), stamp).context("cannot write the stamp of the host")?;
     remove(&places.host())?;
     fs::rename(&part, places.host()).context("cannot move the finished host into its place")
@@ -126,40 +110,25 @@ fn unpack_wheel(places: &RootFolders, interpreter: &PythonInterpreter, wheel: &P
     let mut unpack = Command::new(&interpreter.program);
     unpack.args(["-I", "-c", include_str!("unpack_wheel.py")]).arg(places.downloads().join(wheel.file));
     if wheel.role == WheelRole::Runtime {
+        let modules = places.wheel.python_folder();
         unpack.arg(part.join("python")).args(RUNTIME_PREFIXES);
+        unpack.args([format!("{modules}/pxr/"), format!("{modules}/OpenImageIO/")]);
+        unpack.arg(format!("bpy-{}.dist-info/", places.wheel.bpy));
     } else {
         unpack.arg(part.join("dev"));
     }
     run(&mut unpack)
 }
 
-/// Puts the header libraries below `host/include`, at the paths that they use among themselves and at OpenUSD's own.
-fn link_headers(host: &Path) -> Result<()> {
-    for (library, folder) in HEADER_FOLDERS {
-        let headers = format!("dev/pxr-{library}/include/pxr/{library}");
-        ensure!(host.join(&headers).is_dir(), "the wheel of pxr-{library}-dev holds no {headers}");
-        let pxr = host.join("include/pxr");
-        fs::create_dir_all(pxr.join(folder)).context("cannot create the include folder")?;
-        link(&format!("../../{headers}"), &pxr.join(library))?;
-        link(&format!("../../../{headers}"), &pxr.join(folder).join(library))?;
-    }
-    Ok(())
-}
-
-fn link(target: &str, at: &Path) -> Result<()> {
-    symlink(target, at).with_context(|| format!("cannot link {}", at.display()))?;
-    ensure!(at.is_dir(), "{} leads nowhere", at.display());
-    Ok(())
-}
-
 /// The host must import before anything is built against it: a missing system library shows here, with its name.
 fn check_imports(places: &RootFolders) -> Result<()> {
-    let check = "from pxr import Usd, UsdImagingGL, UsdAppUtils; assert Usd.GetVersion() == (0, 25, 8)";
+    let version = places.wheel.version_tuple();
+    let check = format!("from pxr import Usd, UsdImagingGL, UsdAppUtils; assert Usd.GetVersion() == {version}");
     let checked = places.host().join(".imports");
     if checked.exists() {
         return Ok(());
     }
-    run(Command::new(places.venv_python(HOST_VENV.name)).args(["-I", "-c", check]))
+    run(Command::new(places.venv_python(HOST_VENV.name)).args(["-I", "-c", &check]))
         .context("the wheel host does not load; the message above names what is missing")?;
     File::create(checked).map(drop).context("cannot note that the host imports")
 }
@@ -180,20 +149,29 @@ fn remove(folder: &Path) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::places::{WHEEL_HOSTS, WheelHost};
 
     #[test]
-    fn headers_appear_at_both_paths() {
-        let host = std::env::temp_dir().join(format!("xtask-headers-{}", std::process::id()));
-        for (library, _) in HEADER_FOLDERS {
-            let folder = host.join(format!("dev/pxr-{library}/include/pxr/{library}"));
-            fs::create_dir_all(&folder).unwrap();
-            fs::write(folder.join("api.h"), *library).unwrap();
+    fn the_book_lists_the_hosts() {
+        let repo = RootFolders::from_env().unwrap().repo;
+        let read = |file: &str| fs::read_to_string(repo.join(file)).unwrap();
+        let page = read("rust/book/src/hosts.md");
+        let is_version = |line: &&str| line.starts_with("| 2");
+        let listed: Vec<_> =
+            page.lines().filter(is_version).map(|line| line.split(" | ").collect::<Vec<_>>()).collect();
+        let of_wheels: Vec<_> = listed.iter().filter(|row| row[1].starts_with("`bpy==")).map(|row| &row[..3]).collect();
+        let known =
+            |host: &WheelHost| [format!("| {}", host.usd), format!("`bpy=={}`", host.bpy), host.python.to_owned()];
+        assert_eq!(of_wheels, WHEEL_HOSTS.iter().map(known).collect::<Vec<_>>(), "the wheel hosts");
+        // `cpp/abi` serves these runtimes, the shim none that is older than the oldest.
+        let number = |usd: &str| usd.trim_start_matches("| ").replace('.', "");
+        let served = read("cpp/abi/pxr/pxr.h");
+        for host in &WHEEL_HOSTS {
+            assert!(served.contains(&format!("OOCPT_ABI_VERSION != {}", number(host.usd))), "{}", host.usd);
         }
-        link_headers(&host).unwrap();
-        for path in ["tf/api.h", "base/tf/api.h", "usd/sdf/api.h", "external/boost/api.h"] {
-            assert!(host.join("include/pxr").join(path).is_file(), "{path} must resolve");
-        }
-        fs::remove_dir_all(&host).unwrap();
+        assert_eq!(served.matches("OOCPT_ABI_VERSION != ").count(), WHEEL_HOSTS.len(), "and no other");
+        let oldest = listed.iter().map(|row| number(row[0])).min().unwrap();
+        assert!(read("cpp/hdOocPT/compat.h").contains(&format!("#if PXR_VERSION < {oldest}\n")), "{oldest}");
     }
 
     #[test]

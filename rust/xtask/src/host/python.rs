@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Python 3.11: the interpreter of the machine, and two virtual environments that never share a process.
+//! The host's Python: the interpreter of the machine, and two virtual environments that never share a process.
 
 use std::env;
 use std::fs;
@@ -10,7 +10,7 @@ use anyhow::{Context as _, Result};
 
 use super::wheels::{self, WheelRole};
 use super::{is_stamped, remove};
-use crate::places::{PYTHON_VERSION, RootFolders};
+use crate::places::{RootFolders, WheelHost};
 use crate::process::{run, say, succeeds};
 
 /// A usable interpreter of the version that the wheels are made for.
@@ -46,25 +46,26 @@ pub(crate) const REFERENCE_VENV: VenvPlan = VenvPlan {
     sees_host: false,
 };
 
-/// Finds a Python 3.11 that has `venv` and its own headers: `OOCPT_PYTHON`, the system's, then those in `PATH`.
-pub(crate) fn find_interpreter() -> Option<PythonInterpreter> {
+/// Finds the host's Python with `venv` and its own headers: `OOCPT_PYTHON`, the system's, then those in `PATH`.
+pub(crate) fn find_interpreter(host: &WheelHost) -> Option<PythonInterpreter> {
     let explicit = env::var_os("OOCPT_PYTHON").map(PathBuf::from);
-    let known = ["/usr/bin/python3.11", "python3.11", "python3"].map(PathBuf::from);
-    explicit.into_iter().chain(known).find_map(|program| ask(&program))
+    let named = format!("python{}", host.python);
+    let known = [format!("/usr/bin/{named}"), named, "python3".to_owned()].map(PathBuf::from);
+    explicit.into_iter().chain(known).find_map(|program| ask(&program, host.python))
 }
 
-fn ask(program: &Path) -> Option<PythonInterpreter> {
+fn ask(program: &Path, version: &str) -> Option<PythonInterpreter> {
     const QUESTION: &str = "import ensurepip, sys, sysconfig, venv; \
         print('%d.%d' % sys.version_info[:2]); print(sys.executable); print(sysconfig.get_path('include'))";
     let output =
         Command::new(program).args(["-I", "-c", QUESTION]).stdin(Stdio::null()).stderr(Stdio::null()).output().ok()?;
-    let answer = parse_answer(&String::from_utf8(output.stdout).ok()?)?;
+    let answer = parse_answer(&String::from_utf8(output.stdout).ok()?, version)?;
     answer.include.join("Python.h").is_file().then_some(answer)
 }
 
-fn parse_answer(answer: &str) -> Option<PythonInterpreter> {
+fn parse_answer(answer: &str, version: &str) -> Option<PythonInterpreter> {
     let mut lines = answer.lines();
-    if lines.next()? != PYTHON_VERSION {
+    if lines.next()? != version {
         return None;
     }
     Some(PythonInterpreter { program: lines.next()?.into(), include: lines.next()?.into() })
@@ -73,12 +74,12 @@ fn parse_answer(answer: &str) -> Option<PythonInterpreter> {
 impl RootFolders {
     /// The interpreter of the virtual environment `name`.
     pub(crate) fn venv_python(&self, name: &str) -> PathBuf {
-        self.cache.join(name).join("bin/python")
+        self.venv(name).join("bin/python")
     }
 
     /// The library of Open Image Denoise in the environment that renders.
     pub(crate) fn denoiser(&self) -> PathBuf {
-        let site = self.cache.join(HOST_VENV.name).join(format!("lib/python{PYTHON_VERSION}/site-packages"));
+        let site = self.venv(HOST_VENV.name).join(format!("lib/python{}/site-packages", self.wheel.python));
         site.join("pyoidn/oidn/lib/libOpenImageDenoise.so.2")
     }
 }
@@ -88,7 +89,7 @@ impl RootFolders {
 pub(super) fn with_pip(places: &RootFolders, interpreter: &PythonInterpreter) -> Result<PathBuf> {
     let python = places.venv_python("venv-pip");
     if !succeeds(&python, ["-m", "pip", "--version"]) {
-        let folder = places.cache.join("venv-pip");
+        let folder = places.venv("venv-pip");
         remove(&folder)?;
         run(Command::new(&interpreter.program).args(["-m", "venv"]).arg(&folder))?;
     }
@@ -97,8 +98,8 @@ pub(super) fn with_pip(places: &RootFolders, interpreter: &PythonInterpreter) ->
 
 /// Makes sure that the environment holds exactly its pinned wheels. The caller holds the lock of the cache.
 pub(super) fn prepare_venv(places: &RootFolders, interpreter: &PythonInterpreter, plan: &VenvPlan) -> Result<()> {
-    let pinned = wheels::with_role(plan.roles);
-    let folder = places.cache.join(plan.name);
+    let pinned = wheels::with_role(places.wheel, plan.roles);
+    let folder = places.venv(plan.name);
     let stamp = format!("{}\n{}", interpreter.program.display(), wheels::stamp(super::LAYOUT, &pinned));
     if is_stamped(&folder, &stamp) {
         return Ok(());
@@ -111,7 +112,7 @@ pub(super) fn prepare_venv(places: &RootFolders, interpreter: &PythonInterpreter
     pip.args(["-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-index", "--no-deps"]);
     run(pip.args(files))?;
     if plan.sees_host {
-        let site = folder.join(format!("lib/python{PYTHON_VERSION}/site-packages/oocpt_host.pth"));
+        let site = folder.join(format!("lib/python{}/site-packages/oocpt_host.pth", places.wheel.python));
         fs::write(site, format!("{}\n", places.host_site().display())).context("cannot link the host's Python")?;
     }
     // The stamp is written last: a folder without a stamp is unfinished and made anew.
@@ -125,10 +126,10 @@ mod tests {
     #[test]
     fn only_the_pinned_version_is_accepted() {
         let answer = "3.11\n/usr/bin/python3.11\n/usr/include/python3.11\n";
-        let found = parse_answer(answer).unwrap();
+        let found = parse_answer(answer, "3.11").unwrap();
         assert_eq!(found.include, Path::new("/usr/include/python3.11"), "include folder");
-        assert_eq!(parse_answer(&answer.replace("3.11\n/", "3.12\n/")), None, "another minor version");
-        assert_eq!(parse_answer("3.11\n"), None, "a cut answer");
+        assert_eq!(parse_answer(answer, "3.13"), None, "another minor version");
+        assert_eq!(parse_answer("3.11\n", "3.11"), None, "a cut answer");
     }
 
     #[test]

@@ -12,8 +12,7 @@ use std::process::Command;
 
 use anyhow::{Context as _, Result, bail, ensure};
 
-use crate::host;
-use crate::places::PYTHON_VERSION;
+use crate::places::WheelHost;
 
 /// The test that the content of a package exists, whoever installed it.
 #[derive(Clone, Copy, Debug)]
@@ -76,20 +75,21 @@ pub(crate) enum NeededFor {
 ///
 /// # Errors
 /// Something is missing and the user is not root, or apt-get is not there or fails.
-pub(crate) fn prepare(purpose: NeededFor) -> Result<()> {
+pub(crate) fn prepare(purpose: NeededFor, host: &WheelHost) -> Result<()> {
     let mut needs = NEEDS.to_vec();
     if purpose == NeededFor::Check {
         needs.extend(CHECK_NEEDS);
     }
-    let missing = missing_packages(&needs);
+    let missing = missing_packages(&needs, host);
     if !(apt::is_root() && apt::is_there()) {
-        return ask_for(&missing);
+        return ask_for(&missing, host);
     }
     if !missing.is_empty() {
         apt::install(&missing, &[])?;
-        let still = missing_packages(&needs);
+        let still = missing_packages(&needs, host);
         if still.contains(&PYTHON) {
-            bail!("the wheel host needs CPython {PYTHON_VERSION} with headers and venv; name one in OOCPT_PYTHON");
+            let python = host.python;
+            bail!("the wheel host needs CPython {python} with headers and venv; name one in OOCPT_PYTHON");
         }
         if !still.is_empty() {
             bail!("installed, but still not found: {}", still.join(" "));
@@ -100,7 +100,7 @@ pub(crate) fn prepare(purpose: NeededFor) -> Result<()> {
 }
 
 /// Fails if anything is `missing`, with one line that names all of it.
-fn ask_for(missing: &[&'static str]) -> Result<()> {
+fn ask_for(missing: &[&'static str], host: &WheelHost) -> Result<()> {
     if !apt::is_there() {
         ensure!(missing.is_empty(), "please install what Debian calls {}", missing.join(" "));
         return Ok(());
@@ -111,7 +111,7 @@ fn ask_for(missing: &[&'static str]) -> Result<()> {
     let commands = commands_for(missing, backports.as_ref());
     // If the release's Python has another version, its packages do not help.
     let hint = if missing.contains(&PYTHON) {
-        format!(" (or name a CPython {PYTHON_VERSION} with headers and venv in OOCPT_PYTHON)")
+        format!(" (or name a CPython {} with headers and venv in OOCPT_PYTHON)", host.python)
     } else {
         String::new()
     };
@@ -136,12 +136,12 @@ pub(crate) fn has_gpu() -> bool {
     holds("/dev", "nvidia0") || holds("/dev/dri", "renderD")
 }
 
-fn missing_packages(needs: &[(PackageProbe, &'static str)]) -> Vec<&'static str> {
+fn missing_packages(needs: &[(PackageProbe, &'static str)], host: &WheelHost) -> Vec<&'static str> {
     let libraries = loader_cache();
-    needs.iter().filter(|(probe, _)| !is_met(*probe, &libraries)).map(|(_, package)| *package).collect()
+    needs.iter().filter(|(probe, _)| !is_met(*probe, &libraries, host)).map(|(_, package)| *package).collect()
 }
 
-fn is_met(probe: PackageProbe, libraries: &str) -> bool {
+fn is_met(probe: PackageProbe, libraries: &str, host: &WheelHost) -> bool {
     match probe {
         PackageProbe::Program(name) => find_program(name).is_some(),
         PackageProbe::Library(soname) => libraries.contains(soname),
@@ -149,7 +149,7 @@ fn is_met(probe: PackageProbe, libraries: &str) -> bool {
             ["/usr/include", "/usr/local/include"].iter().any(|root| Path::new(root).join(header).is_file())
         }
         PackageProbe::Vulkan(folder, prefix) => has_vulkan_manifest(folder, prefix),
-        PackageProbe::Python => host::find_interpreter().is_some(),
+        PackageProbe::Python => crate::host::find_interpreter(host).is_some(),
     }
 }
 
@@ -208,6 +208,7 @@ fn has_vulkan_manifest(folder: &str, prefix: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::places::WHEEL_HOSTS;
 
     #[test]
     fn llvm_is_found_under_both_kinds_of_name() {
@@ -227,7 +228,7 @@ mod tests {
             (PackageProbe::Header("no/such/header.h"), "absent-header"),
             (PackageProbe::Vulkan("no-such.d", ""), "absent-driver"),
         ];
-        let missing = missing_packages(&needs);
+        let missing = missing_packages(&needs, &WHEEL_HOSTS[0]);
         assert_eq!(missing, ["absent-tool", "absent-library", "absent-header", "absent-driver"], "sh is everywhere");
     }
 

@@ -32,7 +32,7 @@ const FULL: &str = "OOCPT_TEST_FULL";
 const AT_A_TIME: usize = 3;
 /// A test without output for so long hangs.
 const PATIENCE: Duration = Duration::from_secs(900);
-/// Number of slowest tests that are listed.
+/// Number of tests that are listed, those that take most processor time.
 const LISTED: usize = 30;
 
 /// The tests to run, and their extent.
@@ -104,13 +104,18 @@ impl GroupQueue {
 }
 
 /// Builds everything and runs all tests of an extent; every group runs, even if another failed. The product is built
-/// while Rust tests run: a build has seldom work for all processors.
+/// while Rust tests run: a build has seldom work for all processors. Rust tests ask no host: for another one than the
+/// default there are Python tests alone.
 ///
 /// # Errors
 /// Names the groups that failed, or says why a build did.
 pub(crate) fn run(places: &RootFolders, interpreter: &PythonInterpreter, extent: TestExtent<'_>) -> Result<()> {
-    let messages = timed("building the workspace", || product::build_tests(places))?;
-    let programs: Vec<TestProgram> = messages.lines().filter_map(TestProgram::of_message).collect();
+    let programs: Vec<TestProgram> = if places.wheel.is_default() {
+        let messages = timed("building the workspace", || product::build_tests(places))?;
+        messages.lines().filter_map(TestProgram::of_message).collect()
+    } else {
+        Vec::new()
+    };
     let has_gpu = system::has_gpu();
     let queue = GroupQueue::default();
     queue.add(groups::of_programs(places, &programs, extent, has_gpu)?, false);
@@ -143,11 +148,12 @@ fn run_groups(queue: &GroupQueue, workers: usize) -> Result<Vec<String>> {
         while let Some(mut group) = queue.next() {
             let started = Instant::now();
             let watched = WatchedProcess { mark: &format!("[{}] ", group.name), patience: PATIENCE };
-            let (status, tests) = watched.run(&mut group.command)?;
-            let passes = (group.passes)(status);
+            let ended = watched.run(&mut group.command)?;
+            let passes = (group.passes)(ended.status);
             let ending = if passes { "passed" } else { "FAILED" };
-            say(format_args!("{}: {} s, {ending}", group.name, started.elapsed().as_secs()));
-            durations.lock().unwrap_or_else(PoisonError::into_inner).extend(tests);
+            let (wall, processor) = (started.elapsed().as_secs(), ended.processor_time.as_secs());
+            say(format_args!("{}: {wall} s, {processor} s of processor time, {ending}", group.name));
+            durations.lock().unwrap_or_else(PoisonError::into_inner).extend(ended.tests);
             if !passes {
                 failed.push(group.name);
             }

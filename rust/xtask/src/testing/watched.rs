@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Processes that run beside others: their output is printed in whole marked lines, one that hangs is killed, and each
-//! test's time is measured by its line.
+//! test's processor time is measured by its line, so that what runs beside it does not count.
 
+use std::fs;
 use std::io::{Read as _, Write as _};
 use std::process::{Command, Stdio};
 use std::sync::mpsc::{RecvTimeoutError, sync_channel};
 use std::thread;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use anyhow::{Context as _, Result};
 
@@ -24,16 +25,26 @@ pub(super) struct WatchedProcess<'a> {
     pub(super) patience: Duration,
 }
 
-/// The time of a test, with its mark and name.
+/// The processor time of a test, with its mark and name.
 pub(super) type TimedTest = (Duration, String);
 
+/// What a process that ended did.
+#[derive(Debug)]
+pub(super) struct EndedProcess {
+    /// -1 if a signal ended it.
+    pub(super) status: i32,
+    /// Its tests, which ran one after the other.
+    pub(super) tests: Vec<TimedTest>,
+    /// Of the process and of those that it waited for.
+    pub(super) processor_time: Duration,
+}
+
 impl WatchedProcess<'_> {
-    /// Runs a command to its end, with standard error in standard output; returns its exit status, -1 if a signal ended
-    /// it, and its tests, which run one after the other.
+    /// Runs a command to its end, with standard error in standard output.
     ///
     /// # Errors
     /// It cannot be started, or nobody takes the lines.
-    pub(super) fn run(self, command: &mut Command) -> Result<(i32, Vec<TimedTest>)> {
+    pub(super) fn run(self, command: &mut Command) -> Result<EndedProcess> {
         let program = command.get_program().to_owned();
         let (mut reader, writer) = std::io::pipe().context("no pipe")?;
         let errors = writer.try_clone().context("no pipe")?;
@@ -55,7 +66,7 @@ impl WatchedProcess<'_> {
                 }
             }
         });
-        let (mut begun, mut tests, mut last) = (Vec::new(), Vec::new(), Instant::now());
+        let (mut begun, mut tests, mut last) = (Vec::new(), Vec::new(), Duration::ZERO);
         loop {
             match receiver.recv_timeout(self.patience) {
                 Ok(chunk) => {
@@ -64,8 +75,9 @@ impl WatchedProcess<'_> {
                     let lines: Vec<u8> = begun.drain(..whole).collect();
                     self.print(&lines)?;
                     for test in String::from_utf8_lossy(&lines).split_inclusive('\n').filter_map(test_of) {
-                        tests.push((last.elapsed(), format!("{}{test}", self.mark)));
-                        last = Instant::now();
+                        let now = processor_time(child.id()).unwrap_or(last);
+                        tests.push((now.saturating_sub(last), format!("{}{test}", self.mark)));
+                        last = now;
                     }
                 }
                 Err(RecvTimeoutError::Disconnected) => break,
@@ -78,7 +90,9 @@ impl WatchedProcess<'_> {
             }
         }
         self.print(&begun)?;
-        Ok((child.wait().context("lost the child")?.code().unwrap_or(-1), tests))
+        let processor_time = processor_time(child.id()).unwrap_or(last);
+        let status = child.wait().context("lost the child")?.code().unwrap_or(-1);
+        Ok(EndedProcess { status, tests, processor_time })
     }
 
     fn print(self, bytes: &[u8]) -> Result<()> {
@@ -91,6 +105,16 @@ impl WatchedProcess<'_> {
     }
 }
 
+/// The processor time that a process and the children that it waited for have taken, which Linux tells until it is
+/// waited for itself (proc_pid_stat(5): utime, stime, cutime, cstime, in hundredths of a second).
+fn processor_time(process: u32) -> Option<Duration> {
+    let stat = fs::read_to_string(format!("/proc/{process}/stat")).ok()?;
+    // The program's name is in parentheses and may hold spaces; the third field follows it.
+    let times = stat.rsplit_once(')')?.1.split_whitespace().skip(11).take(4);
+    let ticks: u64 = times.map(|ticks| ticks.parse::<u64>().ok()).sum::<Option<u64>>()?;
+    Some(Duration::from_millis(10 * ticks))
+}
+
 /// The name of the test that a line reports as finished.
 fn test_of(line: &str) -> Option<&str> {
     let (name, _) = OF_A_TEST.iter().find_map(|ending| line.split_once(ending))?;
@@ -99,6 +123,8 @@ fn test_of(line: &str) -> Option<&str> {
 
 #[cfg(test)]
 mod tests {
+    use std::time::Instant;
+
     use super::*;
 
     fn shell(script: &str) -> Command {
@@ -113,7 +139,7 @@ mod tests {
 
     #[test]
     fn a_child_tells_its_status() {
-        let status = |mut command: Command| watched(60).run(&mut command).map(|(status, _)| status);
+        let status = |mut command: Command| watched(60).run(&mut command).map(|ended| ended.status);
         assert_eq!(status(shell("echo out; echo err >&2; exit 3")).unwrap(), 3, "of the shell");
         assert_eq!(status(shell("kill -9 $$")).unwrap(), -1, "a signal");
         assert!(status(Command::new("/no such program")).is_err(), "it cannot be started");
@@ -122,19 +148,23 @@ mod tests {
     #[test]
     fn a_child_that_hangs_is_ended_and_one_that_talks_is_not() {
         let begin = Instant::now();
-        assert_eq!(watched(2).run(&mut shell("printf begun; exec sleep 60")).unwrap().0, -1, "killed");
+        assert_eq!(watched(2).run(&mut shell("printf begun; exec sleep 60")).unwrap().status, -1, "killed");
         assert!(begin.elapsed() < Duration::from_secs(30), "long before its end");
         let script = "for i in 1 2 3 4 5 6; do echo $i; sleep 0.5; done; exit 4";
-        assert_eq!(watched(2).run(&mut shell(script)).unwrap().0, 4, "three seconds, but never two without a word");
+        assert_eq!(watched(2).run(&mut shell(script)).unwrap().status, 4, "three seconds, but never two without a word");
     }
 
     #[test]
     fn lines_of_tests_are_known_and_timed() {
-        let script = "echo 'running 2 tests'; echo 'test a::b ... ok'; sleep 0.5; echo 'test a::c ... FAILED'; \
-                      echo 'tests/x.py::test_d[e] PASSED [ 50%]'";
-        let (_, tests) = watched(60).run(&mut shell(script)).unwrap();
+        let script = "echo 'running 2 tests'; sleep 0.5; echo 'test a::b ... ok'; i=0; \
+                      while [ $i -lt 300000 ]; do i=$((i + 1)); done; echo 'test a::c ... FAILED'; \
+                      echo 'tests/x.py::test_d[e] PASSED [ 50%]'; \
+                      sh -c 'i=0; while [ $i -lt 300000 ]; do i=$((i + 1)); done; exit 5'";
+        let EndedProcess { tests, processor_time, .. } = watched(60).run(&mut shell(script)).unwrap();
         let names: Vec<&str> = tests.iter().map(|(_, name)| name.as_str()).collect();
         assert_eq!(names, ["[sh] a::b", "[sh] a::c", "[sh] tests/x.py::test_d[e]"]);
-        assert!(tests[1].0 >= Duration::from_millis(400), "of the second: {:?}", tests[1].0);
+        let [asleep, busy, _] = [0, 1, 2].map(|test: usize| tests[test].0);
+        assert!(busy > asleep, "sleep takes no processor time: {tests:?}");
+        assert!(processor_time > asleep + busy, "a child's counts too: {processor_time:?}, {tests:?}");
     }
 }

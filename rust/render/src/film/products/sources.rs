@@ -22,7 +22,7 @@ const fn row(kind: AovKind, parts: &'static str, first: usize, names: &'static [
 }
 
 /// Names of raw and intrinsic sources; compared without regard to case where none is alike in its case.
-const ROWS: [SourceRow; 24] = [
+const ROWS: [SourceRow; 25] = [
     row(AovKind::Color, "RGBA", 0, &["color", "Ci", "C", "rgba", "rgb", "beauty", "combined"]),
     row(AovKind::Color, "A", 3, &["a", "alpha", "opacity"]),
     row(AovKind::CameraDepth, "Z", 0, &["z", "cameraDepth", "linearDepth", "hitPz", "ray:hitPz"]),
@@ -40,6 +40,7 @@ const ROWS: [SourceRow; 24] = [
     row(AovKind::MaterialId, "I", 0, &["materialId"]),
     row(AovKind::Shadow, "RGB", 0, &["shadow", "shadows", "occluded", "shadow_matte"]),
     row(AovKind::ShadowCatcher, "A", 0, &["shadowCatcher", "shadow_catcher"]),
+    row(AovKind::LoadWaits, "N", 0, &["loadWaits", "chunkLoads"]),
     row(AovKind::SampleCount, "N", 0, &["sampleCount"]),
     row(AovKind::Position, "XYZ", 0, &["position", "P", "Pworld", "__Pworld", "worldPosition", "hitP", "ray:hitP"]),
     row(AovKind::Peye, "XYZ", 0, &["Peye"]),

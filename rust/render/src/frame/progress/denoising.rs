@@ -2,7 +2,7 @@
 //! Has pictures denoised before they are published.
 
 use super::FrameProgress;
-use crate::denoiser::{DenoiseTask, DenoisedPicture};
+use crate::denoiser::{DenoiseTask, DenoisedPicture, denoise_copies};
 use crate::error::RenderError;
 use crate::film::Film;
 use crate::film::denoised;
@@ -14,11 +14,14 @@ use crate::job::shared::FrameGate;
 use crate::sync::lock;
 use oocpt_core::settings::Settings;
 use oocpt_core::stats::DenoiserUsage;
+use oocpt_gpu::{DenoiseOptions, DenoiserDevice, DenoiserError};
 
 /// How the pictures of a job are denoised.
 #[derive(Debug)]
 pub(super) struct DenoisingPlan {
     settings: Settings,
+    /// Images are copied to the host to be denoised.
+    by_host: bool,
     /// The last picture, once it is there: its images may be published again.
     last: Option<DenoisedPicture>,
 }
@@ -27,7 +30,11 @@ impl DenoisingPlan {
     /// `None` if nothing of the job is to be denoised, or if the whole that it is a window of is.
     pub(super) fn of(job: &RenderJob) -> Option<Self> {
         let is_wanted = job.film_window.is_none() && denoised::is_wanted(&job.request.kinds(), &job.settings);
-        is_wanted.then(|| Self { settings: job.settings.clone(), last: None })
+        #[cfg(feature = "faults")]
+        let by_host = job.options.faults.denoises_by_host;
+        #[cfg(not(feature = "faults"))]
+        let by_host = false;
+        is_wanted.then(|| Self { settings: job.settings.clone(), by_host, last: None })
     }
 
     /// Whether hosts see the denoised picture in place of the colour.
@@ -52,8 +59,16 @@ impl FrameProgress<'_> {
         if denoising.last.is_some() {
             return Ok(denoising.last.clone());
         }
-        let denoise = |images: [&[f32]; 3]| self.denoised(images, is_last);
-        let picture = film.look_at_guides(denoise)?.flatten();
+        let by_host = denoising.by_host;
+        let picture = self.denoised(is_last, |denoiser, options, goes_on| {
+            let size = self.layout.window.size();
+            if !by_host && film.denoise(denoiser, size, options, goes_on)? {
+                return Ok(None);
+            }
+            let denoise = |images: [&[f32]; 3]| denoise_copies(denoiser, images, size, options, goes_on);
+            let denoised = film.look_at_guides(denoise).map_err(|error| DenoiserError::Failed(error.to_string()))?;
+            denoised.ok_or_else(|| DenoiserError::Failed("images that guide it are missing".to_owned()))?.map(Some)
+        });
         if is_last && let Some(denoising) = &mut self.denoising {
             denoising.last.clone_from(&picture);
         }
@@ -68,19 +83,28 @@ impl FrameProgress<'_> {
         let images = [AovKind::Color, AovKind::Albedo, AovKind::Normal].map(|kind| published.window_of(kind));
         drop(published);
         let [Some(color), Some(albedo), Some(normal)] = images else { return };
-        if let Some(picture) = self.denoised([&color, &albedo, &normal], true) {
-            lock(&self.shared.published).put(AovKind::Denoised, picture.bytes(), u64::MAX);
+        let denoise = |denoiser: &DenoiserDevice, options, goes_on: &dyn Fn() -> bool| {
+            let size = self.layout.window.size();
+            denoise_copies(denoiser, [&color, &albedo, &normal], size, options, goes_on).map(Some)
+        };
+        if let Some(DenoisedPicture { rgba: Some(rgba), .. }) = self.denoised(true, denoise) {
+            lock(&self.shared.published).put(AovKind::Denoised, bytemuck::cast_slice(&rgba), u64::MAX);
         }
     }
 
-    /// Denoises a picture, and says in the stats what did it; tells why it cannot be denoised.
-    fn denoised(&self, images: [&[f32]; 3], is_last: bool) -> Option<DenoisedPicture> {
+    /// Has `filter` denoise a picture, and says in the stats what did it; tells why it cannot be denoised.
+    fn denoised(
+        &self,
+        is_last: bool,
+        filter: impl FnOnce(&DenoiserDevice, DenoiseOptions, &dyn Fn() -> bool) -> Result<Option<Vec<f32>>, DenoiserError>,
+    ) -> Option<DenoisedPicture> {
         let denoising = self.denoising.as_ref()?;
         let gate = FrameGate::new(self.shared, self.generation);
         let goes_on = || !gate.is_superseded();
         let uuid = lock(&self.shared.device).as_ref().map(|device| device.uuid);
-        let task = DenoiseTask { settings: &denoising.settings, size: self.layout.window.size(), is_last, uuid };
-        let picture = lock(&self.shared.denoiser).denoise(images, task, &goes_on).unwrap_or_else(|text| {
+        let task = DenoiseTask { settings: &denoising.settings, is_last, uuid };
+        let filter = |denoiser: &DenoiserDevice, options| filter(denoiser, options, &goes_on);
+        let picture = lock(&self.shared.denoiser).denoise(task, filter).unwrap_or_else(|text| {
             self.shared.report(Severity::Warning, text);
             None
         })?;
@@ -88,6 +112,7 @@ impl FrameProgress<'_> {
             by: picture.by.clone(),
             seconds: picture.took.as_secs_f64(),
             replaces_color: denoising.replaces_color(),
+            in_place: picture.rgba.is_none(),
             truth: None,
         };
         lock(&self.shared.stats).denoised = Some(usage);

@@ -158,6 +158,14 @@ pub(crate) const ROWS: &[Row] = &[
         ..BARE
     },
     Row {
+        what: "waits for loads",
+        features: &["LOAD_WAITS"],
+        passes: &[&["sum_planes", "resolve_planes"]],
+        buffers: &[&["image loadWaits", "plane_values", "plane_sums"]],
+        also: Also::Waits,
+        ..BARE
+    },
+    Row {
         what: "a shadow catcher",
         build: |db| db.upsert_mesh(MeshDesc { mask: PrimMask::SHADOW_CATCHER, ..bare("/board") }),
         features: &["PRIM_MASKS", "SHADOW_SUMS"],

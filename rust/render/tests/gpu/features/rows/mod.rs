@@ -51,6 +51,7 @@ pub(crate) enum Also {
     Errors,
     Counts,
     Shadows,
+    Waits,
     FilmPart,
     Streaming,
     Mapped,

@@ -4,6 +4,7 @@
 import os
 import pathlib
 import re
+import shutil
 import signal
 import stat
 import subprocess
@@ -82,6 +83,19 @@ def test_blocks_have_each_sample_once():
             oocpt_farm.span(wrong, 64, 8)
 
 
+def test_a_picture_takes_each_sample_from_one_part():
+    """Whatever runs of blocks tasks had."""
+    chain = oocpt_farm.chain
+    assert chain({"a": (0, 4), "b": (4, 8), "c": (2, 6), "d": (6, 8)}, 8) == (["a", "b"], 8), "c and d overlap these"
+    assert chain({"a": (0, 2), "b": (2, 4), "all": (0, 4)}, 4) == (["all"], 4), "the fewest"
+    assert chain({"a": (0, 2), "b": (1, 4)}, 4) == (["a"], 2), "sample 1 twice"
+    assert chain({"a": (0, 2), "b": (3, 4)}, 4) == (["a"], 2), "sample 2 is missing"
+    assert chain({"a": (0, 8)}, 4) == ([], 0), "more than the frame has"
+    assert chain({}, 4) == ([], 0)
+    film = {"samples": [{"begin": 4, "end": 8}, {"begin": 0, "end": 4}, {"begin": 9, "end": 10}]}
+    assert oocpt_farm.samples_of(film) == [(0, 8), (9, 10)]
+
+
 def test_the_template_starts_what_the_program_takes():
     """Each step's words, with numbers where parameters are."""
     text = (FARM / "render.template.yaml").read_text(encoding="utf-8")
@@ -109,7 +123,7 @@ def test_killed_tasks_give_the_bits_of_one_process(tmp_path, variables):
     killed.communicate()
     out = tmp_path / "picture.%04d.exr"
     words = [sys.executable, FARM / "oocpt_farm.py", "picture", "--folder", folder, *WHERE, "--out", out]
-    assert "is missing" in ends(start(words, variables), 1), "not yet"
+    assert "no part has" in ends(start(words, variables), 1), "not yet"
     for block in (1, "2-3"):
         said = ends(part(folder, block, variables))
         assert "openjd_progress: 100" in said, said
@@ -121,6 +135,33 @@ def test_killed_tasks_give_the_bits_of_one_process(tmp_path, variables):
     alone = [*words[:4], tmp_path / "whole", *WHERE, "--out", tmp_path / "alone.exr"]
     ends(start(alone, variables))
     compare.same_bits(exr.read(tmp_path / "picture.0001.exr"), exr.read(tmp_path / "alone.exr"), "parts")
+    # A part of another run of blocks, of the same samples as two that are there.
+    shutil.copy(next((tmp_path / "whole/frame.0001").glob("*.film")), folder / "frame.0001/samples.00000000-00001024.film")
+    (folder / "frame.0001/samples.00000000-00000341.film").unlink()
+    ends(start(words, variables))
+    compare.same_bits(exr.read(tmp_path / "picture.0001.exr"), exr.read(tmp_path / "alone.exr"), "a part of all samples")
+
+
+def test_a_renderer_ends_with_its_task(tmp_path, variables):
+    """A task that is killed without a word leaves none that takes the device from the next one."""
+    task = part(tmp_path / "parts", "1-3", variables)
+    has_begun(tmp_path / "parts", task)
+    children = pathlib.Path(f"/proc/{task.pid}/task/{task.pid}/children").read_text(encoding="ascii").split()
+    assert children, "the renderer"
+    task.kill()
+    # Its end closes the pipe of this test, which it has too.
+    task.communicate(timeout=60)
+    end = time.monotonic() + 60
+    while any(alive(child) for child in children):
+        assert time.monotonic() < end, "it still renders"
+        time.sleep(0.01)
+
+
+def alive(process):
+    try:
+        return pathlib.Path(f"/proc/{process}/stat").read_text(encoding="utf-8").rsplit(")", 1)[1].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
 
 
 def test_the_array_of_slurm_requeues_what_is_preempted(tmp_path, variables):

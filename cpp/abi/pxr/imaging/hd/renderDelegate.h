@@ -110,6 +110,10 @@ public:
     virtual void SetTerminalSceneIndex(HdSceneIndexBaseRefPtr const& terminalSceneIndex);
     virtual void Update();
     virtual bool IsParallelSyncEnabled(TfToken const& primType) const;
+#if PXR_VERSION >= 2603
+    /// Whether only Storm's tasks can draw what this delegate makes.
+    virtual bool RequiresStormTasks() const;
+#endif
 
 protected:
     HdRenderDelegate();
