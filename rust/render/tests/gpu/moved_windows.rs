@@ -47,7 +47,9 @@ fn same_images(a: &Session, b: &Session, request: &RenderRequest) -> bool {
 
 /// Moves the window of a view step by step, with more samples on the way.
 fn moves(what: &str, build: fn(&mut SceneDb), settings: &Settings, streams: bool) {
-    let live = open(build, Settings { interactive: true, ..settings.clone() }, streams);
+    // Live views refine surfaces at rates of their own.
+    let settings = Settings { interactive: true, ..settings.clone() };
+    let live = open(build, settings.clone(), streams);
     let mut before: Option<(PixelWindow, u32)> = None;
     let (panned, whole) = (of(9, 6, 33, 29), of(0, 0, SIZE[0], SIZE[1]));
     for (window, samples) in [(of(4, 3, 33, 29), 5), (panned, 5), (of(9, 6, 20, 37), 9), (whole, 9), (panned, 9)] {
