@@ -56,9 +56,9 @@ def version() -> str:
 
 
 def bpy_version() -> str:
-    """The host that the plugin was built for: the pin of `cargo xtask`."""
+    """The host that the plugin was built for: the pin of `cargo xtask`, whose default host is the first one."""
     pins = (REPOSITORY / "rust/xtask/src/host/wheels.rs").read_text(encoding="utf-8")
-    return re.search(r'Runtime "bpy==([^"]+)"', pins)[1]
+    return re.search(r'Runtime "[^"]+" "bpy==([^"]+)"', pins)[1]
 
 
 def copy_python(package: Path) -> None:

@@ -12,6 +12,8 @@ the seconds, and the efficiency, which is the time that samples alone take over 
 - Workers have a slowness that is drawn once: `exp(spread * n)`, n normal, and of `slow` of them `slowest` times that.
 - A worker dies at random, `deaths` times an hour of its running; its block begins anew, first of those that wait, and
   it is back after `back` seconds, with a cold cache: `cold` seconds more for its first task.
+- Parts are merged one after the other: at the end, for the picture, or with `--as-they-come` meanwhile, as Ray's driver
+  does.
 - What is shared (folder, licence server, network) is as fast for 10 000 workers as for one.
 """
 
@@ -27,7 +29,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class FarmCosts:
-    """What a frame and its workers cost, in seconds but for `deaths` (an hour of a worker) and the shares."""
+    """What a frame and its workers cost, in seconds but for `deaths` (an hour of a worker) and shares of workers."""
 
     start: float
     sample: float
@@ -40,6 +42,7 @@ class FarmCosts:
     spread: float = 0.0
     slow: float = 0.0
     slowest: float = 4.0
+    as_they_come: bool = False
 
 
 @dataclass(frozen=True)
@@ -65,7 +68,7 @@ def simulate(costs: FarmCosts, samples: int, blocks: int, workers: int, seed: in
     # Of each worker: when it is free, its number, and whether its caches are warm.
     free = [(0.0, worker, costs.cold == 0.0) for worker in range(len(speeds))]
     running: list[tuple[float, int, int, bool]] = []
-    last, deaths, work = 0.0, 0, 0.0
+    last, merged, deaths, work = 0.0, 0.0, 0, 0.0
     while waiting or running:
         if waiting and free and (not running or free[0][0] <= running[0][0]):
             now, worker, is_warm = heapq.heappop(free)
@@ -78,13 +81,14 @@ def simulate(costs: FarmCosts, samples: int, blocks: int, workers: int, seed: in
             continue
         now, worker, lost, _ = heapq.heappop(running)
         if lost < 0:
-            last = max(last, now)
+            last, merged = max(last, now), max(merged, now) + costs.merge
             heapq.heappush(free, (now, worker, True))
         else:
             deaths += 1
             waiting.append(lost)
             heapq.heappush(free, (now + costs.back, worker, costs.cold == 0.0))
-    return FarmRun(last + costs.picture + costs.merge * blocks, deaths, work)
+    end = merged if costs.as_they_come else last + costs.merge * blocks
+    return FarmRun(end + costs.picture, deaths, work)
 
 
 def mean(costs: FarmCosts, samples: int, blocks: int, workers: int, seeds: int) -> tuple[float, float]:
@@ -97,7 +101,7 @@ def best(costs: FarmCosts, samples: int, workers: int, seeds: int) -> tuple[int,
     """The number of blocks that takes the shortest time, with its seconds and deaths: a power of two, since parts that
     begin and end at powers of two are smallest, or one block for each worker."""
     counts = sorted({min(workers, samples)} | {1 << power for power in range(18) if 1 << power <= samples})
-    counts = [blocks for blocks in counts if workers / 16 <= blocks <= 16 * workers]
+    counts = [blocks for blocks in counts if blocks <= 4 * workers]
     tried = ((*mean(costs, samples, blocks, workers, seeds), blocks) for blocks in counts)
     seconds, deaths, blocks = min(tried, key=lambda one: (one[0], one[2]))
     return blocks, seconds, deaths
@@ -110,6 +114,9 @@ def efficiency(costs: FarmCosts, samples: int, workers: int, seconds: float) -> 
 def parser() -> argparse.ArgumentParser:
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     for name, value in FarmCosts.__dataclass_fields__.items():
+        if name == "as_they_come":
+            options.add_argument("--as-they-come", action="store_true")
+            continue
         required = name in ("start", "sample")
         options.add_argument(f"--{name}", type=float, required=required, default=None if required else value.default)
     options.add_argument("--samples", type=int, default=1024)

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Farms: what the job template and the array script start, killed and started again, gives the bits of one process."""
 
+import json
 import os
 import pathlib
 import re
@@ -88,6 +89,8 @@ def test_a_picture_takes_each_sample_from_one_part():
     chain = oocpt_farm.chain
     assert chain({"a": (0, 4), "b": (4, 8), "c": (2, 6), "d": (6, 8)}, 8) == (["a", "b"], 8), "c and d overlap these"
     assert chain({"a": (0, 2), "b": (2, 4), "all": (0, 4)}, 4) == (["all"], 4), "the fewest"
+    late = {"a": (0, 1), "b": (1, 2), "c": (2, 4), "d": (0, 3), "e": (3, 4)}
+    assert chain(late, 4) == (["d", "e"], 4), "the fewest, though they come later"
     assert chain({"a": (0, 2), "b": (1, 4)}, 4) == (["a"], 2), "sample 1 twice"
     assert chain({"a": (0, 2), "b": (3, 4)}, 4) == (["a"], 2), "sample 2 is missing"
     assert chain({"a": (0, 8)}, 4) == ([], 0), "more than the frame has"
@@ -155,6 +158,10 @@ def test_a_renderer_ends_with_its_task(tmp_path, variables):
     while any(alive(child) for child in children):
         assert time.monotonic() < end, "it still renders"
         time.sleep(0.01)
+    [film] = (tmp_path / "parts/frame.0001").glob("*.film")
+    line = [os.environ["OOCPT_CLI"], "film", "info", str(film), "--json"]
+    facts = json.loads(subprocess.run(line, capture_output=True, text=True, check=True).stdout)
+    assert oocpt_farm.samples_of(facts)[-1][1] < SAMPLES, "it rendered to its end"
 
 
 def alive(process):
@@ -185,3 +192,17 @@ def test_the_array_of_slurm_requeues_what_is_preempted(tmp_path, variables):
     ends(start(["sh", script], variables | {"SLURM_JOB_ID": "10"}))
     assert exr.read(folder / "frame.0001.exr").shape[1] == 48, "the picture"
     assert len(asked.read_text(encoding="utf-8").splitlines()) == 3, "nothing else was asked"
+
+
+def test_the_array_of_slurm_tries_again_what_may_succeed(tmp_path, variables):
+    """With a program in the place of the task's that ends as it is told."""
+    program = tmp_path / "task.py"
+    program.write_text("import os, sys\nsys.exit(int(os.environ['STATUS']))\n", encoding="utf-8")
+    variables |= {"SCENE": "s", "FOLDER": str(tmp_path), "FRAME": "1", "SAMPLES": "1", "BLOCKS": "1"}
+    variables |= {"OOCPT_FARM": str(program), "SLURM_JOB_ID": "9", "SLURM_ARRAY_JOB_ID": "7", "SLURM_ARRAY_TASK_ID": "1"}
+    asked = tmp_path / "asked"
+    for status, restarts, is_again in ((0, 0, False), (1, 0, False), (75, 3, True), (137, 0, True), (75, 100, False)):
+        told = variables | {"STATUS": str(status), "SLURM_RESTART_COUNT": str(restarts)}
+        ends(start(["sh", FARM / "slurm_array.sh"], told), status)
+        assert asked.exists() == is_again, f"{status} after {restarts} restarts"
+        asked.unlink(missing_ok=True)

@@ -30,6 +30,14 @@ def test_uneven_blocks_have_each_sample_once():
     assert oocpt_scaling.simulate(COSTS, 3, 8, 8).work == pytest.approx(8 * 6.0 + 0.75), "blocks without samples"
 
 
+def test_parts_that_are_merged_as_they_come_cost_the_end_one_merge_or_all():
+    """As long as a merge takes less than a block, and where the merges are what takes the time."""
+    costs = dataclasses.replace(COSTS, as_they_come=True)
+    assert oocpt_scaling.simulate(costs, 1024, 16, 1).seconds == pytest.approx(16 * 22.0 + 0.125 + 2.0)
+    slow = dataclasses.replace(costs, merge=10.0)
+    assert oocpt_scaling.simulate(slow, 1024, 16, 16).seconds == pytest.approx(22.0 + 16 * 10.0 + 2.0)
+
+
 def test_the_first_task_of_a_worker_fills_its_caches():
     cold = dataclasses.replace(COSTS, cold=20.0)
     run = oocpt_scaling.simulate(cold, 1024, 16, 4)

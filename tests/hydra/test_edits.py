@@ -64,17 +64,18 @@ EDITS = {
                     "UsdGeom.Xformable(at('/World/Twin')).GetOrderedXformOps()[0].Set(Gf.Vec3d(1.2, 0.5, 0))",
 }  # fmt: skip
 
-# What the host itself gets wrong: (edit, scene-index mode) -> the errors it posts once, without our code being
+# What the host itself gets wrong: (version, edit, scene-index mode) -> the errors it posts once, without our code being
 # involved. The error must come (an unexpected pass fails too, so that the entry goes when the host is mended), and the
 # next render must be right.
 HOST_FAULTS = {
-    # OpenUSD 25.08: removal of a PointInstancer; see the project's notes on hosts.
-    ("deactivated", True): "UsdImaging_InstanceProxyPathTranslationSceneIndex::_UpdateInstancerLocations",
+    # Removal of a PointInstancer; mended in 26.03.
+    ((0, 25, 8), "deactivated", True): "UsdImaging_InstanceProxyPathTranslationSceneIndex::_UpdateInstancerLocations",
 }
 
 
 def render_after_edit(view, edit):
-    fault = HOST_FAULTS.get((edit, view.host.scene_index))
+    version = tuple(view.edit("result = Usd.GetVersion()"))
+    fault = HOST_FAULTS.get((version, edit, view.host.scene_index))
     if fault:
         with pytest.raises(HostError, match=fault):
             view.render()

@@ -161,8 +161,7 @@ read = lambda: ctypes.string_at(address, 64 * 48 * 16)
 old = read()
 engine.SetRendererSetting('oocpt:samplesPerPixel', 4)
 view.step()
-while view.stats()['percentDone'] < 100 and time.monotonic() < end:
-    time.sleep(0.002)
+poll()
 held = [ask() for _ in range(3)] + [read() == old]
 aov_reader._virtual(buffer, aov_reader._UNMAP, None)
 freed = [ask(), ask()]

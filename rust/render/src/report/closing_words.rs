@@ -8,6 +8,9 @@ use oocpt_core::stats::{ErrorRow, RenderStats, WorstPixel};
 const SHARE: f64 = 0.5;
 /// One pixel in so many may be among the few.
 const ONE_IN: u64 = 1000;
+/// The relative squared error from which a pixel is a firefly: it is off by as much as its surroundings show. What holds
+/// most of the error of a picture without noise are a few pixels at edges, whose errors are smaller.
+const OF_A_FIREFLY: f64 = 1.0;
 
 /// Samples, seconds, relMSE with its 95 % interval, peak of the device memory, loads, the windows of the film, and
 /// the devices of a picture that several render.
@@ -41,7 +44,7 @@ pub(crate) fn line(stats: &RenderStats) -> String {
     )
 }
 
-/// Says which pixels hold half of the error, if they are few.
+/// Says which pixels hold half of the error, if they are few and there is a firefly among them.
 pub(crate) fn fireflies(row: &ErrorRow, pixels: u64) -> Option<String> {
     let estimate = row.estimate?;
     #[expect(clippy::cast_precision_loss, reason = "a share")]
@@ -55,7 +58,7 @@ pub(crate) fn fireflies(row: &ErrorRow, pixels: u64) -> Option<String> {
         sum >= limit
     };
     let count = 1 + row.worst.iter().position(holds)?;
-    let worst = row.worst.first()?;
+    let worst = row.worst.first().filter(|worst| worst.error >= OF_A_FIREFLY)?;
     let (is, place) = match count {
         1 => ("1 pixel holds".to_owned(), ""),
         _ => (format!("{count} pixels hold"), "the worst "),
@@ -116,6 +119,12 @@ mod tests {
         let said = fireflies(&row(1e-3, &[6.0]), 10_000).expect("6 of 10");
         assert!(said.starts_with("1 pixel holds half of the picture's error, at 3, 7"), "{said}");
         assert_eq!(fireflies(&row(1e-3, &[2.0, 1.0, 1.0]), 10_000), None, "4 of 10");
+    }
+
+    #[test]
+    fn edges_of_a_picture_without_noise_are_no_fireflies() {
+        assert!(fireflies(&row(1e-6, &[1.2]), 40_000).is_some(), "off by more than it shows");
+        assert_eq!(fireflies(&row(1e-6, &[0.03, 0.01]), 40_000), None, "all of 0.04, but small");
     }
 
     #[test]

@@ -151,7 +151,11 @@ mod tests {
         assert_eq!(watched(2).run(&mut shell("printf begun; exec sleep 60")).unwrap().status, -1, "killed");
         assert!(begin.elapsed() < Duration::from_secs(30), "long before its end");
         let script = "for i in 1 2 3 4 5 6; do echo $i; sleep 0.5; done; exit 4";
-        assert_eq!(watched(2).run(&mut shell(script)).unwrap().status, 4, "three seconds, but never two without a word");
+        assert_eq!(
+            watched(2).run(&mut shell(script)).unwrap().status,
+            4,
+            "three seconds, but never two without a word"
+        );
     }
 
     #[test]
