@@ -12,8 +12,22 @@ use std::sync::Arc;
 use bytemuck::Pod;
 use glam::{DMat4, DQuat, DVec3, DVec4};
 use half::f16;
+use rayon::prelude::*;
 
 pub use view::{ArrayView, column_matrix};
+
+/// Bytes that are compared before threads share the rest: arrays that differ mostly do so early. And those that a
+/// thread compares at a time.
+const COMPARED: usize = 1 << 18;
+
+/// Whether both are equal; large ones are compared by the caller's rayon pool.
+fn are_same(a: &[u8], b: &[u8]) -> bool {
+    let first = a.len().min(COMPARED);
+    a.len() == b.len() && a[..first] == b[..first] && {
+        let portions = a[first..].par_chunks(COMPARED).zip(b[first..].par_chunks(COMPARED));
+        portions.all(|(a, b)| a == b)
+    }
+}
 
 /// Bytes that do not move or change as long as the source lives.
 pub trait ArraySource: Send + Sync + fmt::Debug {
@@ -259,7 +273,7 @@ impl TypedArray {
     #[must_use]
     pub fn same_contents(&self, other: &Self) -> bool {
         self.element == other.element
-            && (self.identity() == other.identity() || self.source.bytes() == other.source.bytes())
+            && (self.identity() == other.identity() || are_same(self.source.bytes(), other.source.bytes()))
     }
 
     /// As [`Self::same_contents`], of arrays that may be absent.

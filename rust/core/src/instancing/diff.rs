@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Finds the instances of an instancer that differ between two sets of arrays, at the speed of memory: blocks are
-//! compared as bytes, elements only where a block differs. Pure; work is spread over the caller's rayon pool.
+//! compared as bytes, and groups of elements where a block differs, elements only where a group does. Pure; work is
+//! spread over the caller's rayon pool.
 
 use rayon::prelude::*;
 
@@ -10,6 +11,37 @@ use crate::array::TypedArray;
 const FEW: usize = 1 << 10;
 /// Number of elements compared at a time.
 const BLOCK: usize = 1 << 12;
+/// The same where a block differs: of instances that are spread evenly, few differ in a group.
+const GROUP: usize = 8;
+
+/// Bits of those of at most 64 elements that differ.
+fn differing(a: &[u8], b: &[u8], size: usize) -> u64 {
+    // Those of translations, rotations, scales and matrices: a comparison of a known length is a few instructions.
+    match size {
+        6 => of_size::<6>(a, b),
+        8 => of_size::<8>(a, b),
+        12 => of_size::<12>(a, b),
+        16 => of_size::<16>(a, b),
+        24 => of_size::<24>(a, b),
+        32 => of_size::<32>(a, b),
+        64 => of_size::<64>(a, b),
+        128 => of_size::<128>(a, b),
+        _ => by_group(a, b, size, |a, b| bits(a.chunks(size).zip(b.chunks(size)))),
+    }
+}
+
+fn of_size<const SIZE: usize>(a: &[u8], b: &[u8]) -> u64 {
+    by_group(a, b, SIZE, |a, b| bits(a.as_chunks::<SIZE>().0.iter().zip(b.as_chunks::<SIZE>().0)))
+}
+
+fn by_group(a: &[u8], b: &[u8], size: usize, differing: impl Fn(&[u8], &[u8]) -> u64) -> u64 {
+    let groups = a.chunks(GROUP * size).zip(b.chunks(GROUP * size)).enumerate();
+    groups.fold(0, |word, (at, (a, b))| if a == b { word } else { word | (differing(a, b) << (GROUP * at)) })
+}
+
+fn bits<T: PartialEq>(pairs: impl Iterator<Item = (T, T)>) -> u64 {
+    pairs.enumerate().fold(0, |word, (at, (a, b))| word | (u64::from(a != b) << at))
+}
 
 /// A set of instance numbers.
 #[derive(Debug)]
@@ -56,9 +88,7 @@ impl ChangedNumbers {
         blocks.zip(self.bits.par_chunks_mut(BLOCK / 64)).filter(|((a, b), _)| a != b).for_each(|((a, b), words)| {
             let elements = a.chunks(64 * size).zip(b.chunks(64 * size));
             for ((a, b), word) in elements.zip(words) {
-                for (at, (a, b)) in a.chunks(size).zip(b.chunks(size)).enumerate() {
-                    *word |= u64::from(a != b) << at;
-                }
+                *word |= differing(a, b, size);
             }
         });
     }
@@ -99,5 +129,31 @@ impl ChangedNumbers {
     #[inline]
     pub(crate) fn contains(&self, number: usize) -> bool {
         number >= self.tail || self.bits.get(number / 64).is_some_and(|word| word >> (number % 64) & 1 == 1)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_elements_that_differ_are_found_whatever_their_size() {
+        for size in [1, 2, 4, 6, 8, 12, 16, 24, 32, 64, 128] {
+            for (count, other) in [(2 * BLOCK + 77, 2 * BLOCK + 77), (9000, 4000), (65, 63), (3, 3)] {
+                let old: Vec<u8> = (0..count * size).map(|at| (at % 251) as u8).collect();
+                let mut new: Vec<u8> = (0..other * size).map(|at| (at % 251) as u8).collect();
+                let changed: Vec<usize> =
+                    [0, 2, 62, 63, 64, 71, 4095, 4096, 8200].into_iter().filter(|at| *at < other).collect();
+                // In the first byte of an element, the last one and one between.
+                changed.iter().for_each(|at| new[at * size + at % size] ^= 1);
+                let mut numbers = ChangedNumbers::of_lengths(count, other);
+                numbers.add_bytes(&old, &new, size);
+                let numbers = numbers.counted();
+                let found: Vec<usize> = (0..count.min(other)).filter(|at| numbers.contains(*at)).collect();
+                let expected: Vec<usize> = changed.iter().copied().filter(|at| *at < count).collect();
+                assert_eq!(found, expected, "{count} and {other} elements of {size} bytes");
+                assert_eq!(numbers.len(), expected.len() + count.abs_diff(other), "and counted");
+            }
+        }
     }
 }

@@ -126,9 +126,9 @@ impl AssemblyPart {
         self.members.iter().map(|known| (known.id, &known.member))
     }
 
-    /// Brings the partition up to date. New chunks have key 0.
-    pub(crate) fn update(&mut self, job: PartitionJob<'_>) {
-        if let Some(chunks) = self.hold(job) {
+    /// Brings the partition up to date; `held`: its chunks, where it is known that all are held. New ones have key 0.
+    pub(crate) fn update(&mut self, job: PartitionJob<'_>, held: Option<Vec<Arc<Chunk>>>) {
+        if let Some(chunks) = held.or_else(|| self.hold(job)) {
             self.chunks = chunks;
             let members = self.members.iter_mut().zip(job.inside());
             members.for_each(|(known, (number, member))| (known.number, known.member) = (number, member.clone()));

@@ -120,11 +120,12 @@ impl PartitionStore {
         let mut limit = self.options.chunk_bytes().saturating_mul(OPEN_ABOVE);
         loop {
             let opened = source.opened(&costs, limit);
-            if source.is_late() && !self.can_hold(source, &costs, &opened) {
+            let held = source.is_late().then(|| self.hold(source, &costs, &opened));
+            if matches!(held, Some(None)) {
                 return None;
             }
             let only_root = opened.iter().filter(|&&o| o).count() <= 1;
-            let chunks = self.partition(source, &costs, &opened);
+            let chunks = self.partition(source, &costs, &opened, held.flatten());
             if only_root || source.count(&opened, &chunks) <= MAX_INSTANCES {
                 let mut world = source.world(&opened, chunks);
                 world.levels = source.levels(&opened);
@@ -142,13 +143,10 @@ impl PartitionStore {
         Some(self.world.clone())
     }
 
-    /// Whether all chunks of the root are held.
-    fn can_hold(&self, source: PartitionSource<'_>, costs: &Arc<AssetCosts>, opened: &[bool]) -> bool {
-        let root = source.groups.last().zip(source.assemblies.last());
-        root.is_some_and(|(group, assembly)| {
-            let part = self.parts.get(*group);
-            part.is_some_and(|part| part.hold(self.job(assembly, costs, opened, None)).is_some())
-        })
+    /// The chunks of the root, if all of them are held.
+    fn hold(&self, source: PartitionSource<'_>, costs: &Arc<AssetCosts>, opened: &[bool]) -> Option<Vec<Arc<Chunk>>> {
+        let (group, assembly) = source.groups.last().zip(source.assemblies.last())?;
+        self.parts.get(*group)?.hold(self.job(assembly, costs, opened, None))
     }
 
     fn job<'a>(
@@ -162,12 +160,14 @@ impl PartitionStore {
         PartitionJob { assembly, costs, chunk_bytes, opened, item_bytes, buckets, holds }
     }
 
-    /// Brings the chunks of all opened assemblies up to date.
+    /// Brings the chunks of all opened assemblies up to date; those of the root are `held`, if it is known that they
+    /// are.
     fn partition(
         &mut self,
         source: PartitionSource<'_>,
         costs: &Arc<AssetCosts>,
         opened: &[bool],
+        mut held: Option<Vec<Arc<Chunk>>>,
     ) -> Vec<Vec<Arc<Chunk>>> {
         let mut old = std::mem::take(&mut self.parts);
         let all = source.groups.iter().zip(source.assemblies).zip(source.buckets).zip(opened);
@@ -176,7 +176,8 @@ impl PartitionStore {
                 return Vec::new();
             }
             let mut part = old.remove(*group).unwrap_or_default();
-            part.update(self.job(assembly, costs, opened, buckets.as_ref()));
+            let of_root = held.take_if(|_| **group == GroupId::Root);
+            part.update(self.job(assembly, costs, opened, buckets.as_ref()), of_root);
             for chunk in &mut part.chunks {
                 // New ones are not shared yet.
                 if let Some(chunk) = Arc::get_mut(chunk).filter(|chunk| chunk.key == 0) {

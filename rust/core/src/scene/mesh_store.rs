@@ -3,6 +3,7 @@
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHashSet};
@@ -18,6 +19,9 @@ use crate::mesh::{
 };
 use crate::partition::PartitionOptions;
 use crate::texture::HeightCache;
+
+/// Says whether meshes of these prims are no longer wanted while they are built: see [`super::SceneDb::commit_unless`].
+pub(crate) type MootMeshes<'a> = dyn Fn(&[Arc<str>]) -> bool + Sync + 'a;
 
 /// Number of clusters that are stored together, for each thread: with fewer, threads would wait for each other.
 const BATCHES: usize = 4;
@@ -84,14 +88,15 @@ impl MeshStore {
     }
 
     /// Ensures that every mesh of `wanted` is built, with subdivision surfaces cut by `cuts` and displaced by
-    /// `heights`; missing ones are built in parallel.
+    /// `heights`; missing ones are built in parallel. False if `is_moot` said so before they were all there: what was
+    /// built until then is found by the next call.
     pub(crate) fn build(
         &mut self,
         meshes: &mut BTreeMap<Arc<str>, MeshEntry>,
         wanted: &FxHashSet<Arc<str>>,
         mut cuts: FxHashMap<Arc<str>, SurfaceCut>,
-        heights: &HeightCache,
-    ) {
+        (heights, is_moot): (&HeightCache, &MootMeshes<'_>),
+    ) -> bool {
         // The budget may have changed.
         self.built.retain(|_, built| !built.is_left_out);
         for (path, entry) in meshes.iter_mut() {
@@ -111,9 +116,18 @@ impl MeshStore {
             .flatten()
             .filter(|part| !self.built.contains_key(&part.key) && begun.insert(part.key))
             .collect();
-        self.made += new.len() as u64;
-        let built = self.make(&new, heights);
+        let building: Vec<Arc<str>> = new.iter().map(|part| Arc::clone(&part.entry.desc.prim.path)).collect();
+        let left = AtomicBool::new(false);
+        let is_left = || {
+            let is_left = left.load(Ordering::Relaxed) || is_moot(&building);
+            left.fetch_or(is_left, Ordering::Relaxed) || is_left
+        };
+        let built = self.make(&new, heights, &is_left);
+        self.made += built.len() as u64;
         self.built.extend(built);
+        if !new.iter().all(|part| self.built.contains_key(&part.key)) {
+            return false;
+        }
         for (keys, entry) in keys.iter().zip(&mut missing) {
             let parts = || keys.iter().filter_map(|key| self.built.get(key).cloned());
             entry.built = match &entry.cuts {
@@ -124,10 +138,16 @@ impl MeshStore {
                 None => parts().next(),
             };
         }
+        true
     }
 
-    /// Finds meshes in files or builds them, in parallel.
-    fn make(&self, new: &[NewMesh<'_>], heights: &HeightCache) -> Vec<(u128, Arc<KeptMesh>)> {
+    /// Finds meshes in files or builds them, in parallel; none from when `is_left` says so.
+    fn make(
+        &self,
+        new: &[NewMesh<'_>],
+        heights: &HeightCache,
+        is_left: &(impl Fn() -> bool + Sync),
+    ) -> Vec<(u128, Arc<KeptMesh>)> {
         let (limit_bytes, cluster_bytes) = (self.options.mesh_limit(), self.options.chunk_bytes());
         let recipe = |NewMesh { key, entry, covers, patch }: &NewMesh<'_>| {
             Arc::new(MeshRecipe {
@@ -146,7 +166,7 @@ impl MeshStore {
         let find = |new| KeptMesh::find(&recipe(new), &self.storage);
         let build = |new, grant| KeptMesh::build(&recipe(new), heights, &self.storage, grant);
         let all = new.par_iter().with_max_len(1);
-        let made: Vec<KeptMesh> = match self.storage.memory.budget() {
+        let made: Vec<Option<KeptMesh>> = match self.storage.memory.budget() {
             Some(budget) => {
                 let found: Vec<Option<KeptMesh>> = all.map(find).collect();
                 let footprint = |(new, found): (_, &Option<KeptMesh>)| match found {
@@ -154,15 +174,17 @@ impl MeshStore {
                     None => recipe(new).footprint(),
                 };
                 let footprints: Vec<BuildFootprint> = new.par_iter().zip(&found).map(footprint).collect();
-                self.build_within(budget, &footprints, found, |at, grant| Some(build(new.get(at)?, grant)))
+                let build = |at: usize, grant| Some(build(new.get(at).filter(|_| !is_left())?, grant));
+                self.build_within(budget, &footprints, found, build)
             }
             None => {
                 // Clusters are stored in batches: all of them together would take as much memory as the mesh itself.
                 let at_once = BATCHES * rayon::current_num_threads();
-                all.map(|new| find(new).unwrap_or_else(|| build(new, BuildGrant { reserved: None, at_once }))).collect()
+                let grant = || BuildGrant { reserved: None, at_once };
+                all.map(|new| find(new).or_else(|| (!is_left()).then(|| build(new, grant())))).collect()
             }
         };
-        new.iter().zip(made).map(|(new, made)| (new.key, Arc::new(made))).collect()
+        new.iter().zip(made).filter_map(|(new, made)| Some((new.key, Arc::new(made?)))).collect()
     }
 
     /// Builds the meshes that were not found, in parallel as far as there is room. A mesh that needs more than the
@@ -173,7 +195,7 @@ impl MeshStore {
         footprints: &[BuildFootprint],
         found: Vec<Option<KeptMesh>>,
         build: impl Fn(usize, BuildGrant) -> Option<KeptMesh> + Sync,
-    ) -> Vec<KeptMesh> {
+    ) -> Vec<Option<KeptMesh>> {
         let fits = |footprint: &BuildFootprint| footprint.least() <= budget;
         let missing = found.iter().zip(footprints).zip(0_usize..);
         let missing = missing.filter(|((found, footprint), _)| found.is_none() && fits(footprint));
@@ -187,7 +209,8 @@ impl MeshStore {
             }
         }
         let left_out = |footprint: &BuildFootprint| KeptMesh::left_out(too_large(footprint.least(), budget));
-        made.into_iter().zip(footprints).map(|(made, f)| made.unwrap_or_else(|| left_out(f))).collect()
+        let all = made.into_iter().zip(footprints);
+        all.map(|(made, footprint)| made.or_else(|| (!fits(footprint)).then(|| left_out(footprint)))).collect()
     }
 
     /// Assigns mesh indices to the assets in use, moving as few as possible: freed indices go to new assets first, then

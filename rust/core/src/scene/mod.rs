@@ -70,7 +70,7 @@ use commit::{AssemblyStore, CommittedAssets, visible_lights};
 use dicing::dice;
 use entries::{InstancerEntry, MeshEntry};
 use mesh_lights::mesh_lights;
-use mesh_store::MeshStore;
+use mesh_store::{MeshStore, MootMeshes};
 use report::CommitReports;
 use resolve::{PlanGroup, PlanTarget, PrimHierarchy, ScenePrims, resolve};
 use surfaces::{MaterialEntry, ShownMeshes, SurfaceStore};
@@ -353,11 +353,19 @@ impl SceneDb {
     /// Applies the edits since the last commit. New meshes are built on the rayon pool; everything else is shared with
     /// the last snapshot. After a panic the next commit does the same again.
     pub fn commit(&mut self) -> SceneCommit {
+        // Nobody gives it up.
+        self.commit_unless(&|_| false).unwrap_or_else(|| self.unchanged())
+    }
+
+    /// As [`Self::commit`], but gives up where `is_moot` says, between two meshes, that it is not worth while to build
+    /// those of these prims: then the scene is that of the commit before, and the next commit finds the meshes that
+    /// were built, if it needs them. `is_moot` is called on threads of the rayon pool, often.
+    pub fn commit_unless(&mut self, is_moot: &(dyn Fn(&[Arc<str>]) -> bool + Sync)) -> Option<SceneCommit> {
         if !self.edited {
-            return SceneCommit { snapshot: self.snapshot.clone(), warnings: Vec::new(), changed: false };
+            return Some(self.unchanged());
         }
         let mut reports = CommitReports::default();
-        let (plan, assets) = self.plan(&mut reports);
+        let (plan, assets) = self.plan(&mut reports, is_moot)?;
         let (assemblies, origin, world) = self.arrange(&plan, &assets);
         for (group, assembly) in plan.iter().zip(&assemblies) {
             for (planned, member) in group.members.iter().zip(assembly.members()) {
@@ -377,7 +385,11 @@ impl SceneDb {
         }
         self.mesh_store.forget_unused();
         self.edited = false;
-        SceneCommit { snapshot: self.snapshot.clone(), warnings: self.new_warnings(&reports), changed }
+        Some(SceneCommit { snapshot: self.snapshot.clone(), warnings: self.new_warnings(&reports), changed })
+    }
+
+    fn unchanged(&self) -> SceneCommit {
+        SceneCommit { snapshot: self.snapshot.clone(), warnings: Vec::new(), changed: false }
     }
 
     /// Makes the assemblies and their partition, and decides the origin. What moved is measured now only where its
@@ -403,8 +415,12 @@ impl SceneDb {
     }
 
     /// Builds the missing meshes and sorts all prims into groups. The order matters: materials say what primvars meshes
-    /// keep, cameras how finely they are diced, and groups need the keys of built meshes.
-    fn plan(&mut self, reports: &mut CommitReports) -> (Vec<PlanGroup>, CommittedAssets) {
+    /// keep, cameras how finely they are diced, and groups need the keys of built meshes. `None` if that was given up.
+    fn plan(
+        &mut self,
+        reports: &mut CommitReports,
+        is_moot: &MootMeshes<'_>,
+    ) -> Option<(Vec<PlanGroup>, CommittedAssets)> {
         let purposes = &self.purposes;
         let shows = |p: &str| purposes.is_empty() || purposes.iter().any(|shown| shown == canonical_purpose(p));
         let prims = ScenePrims { meshes: &self.meshes, instancers: &self.instancers };
@@ -416,7 +432,9 @@ impl SceneDb {
         let prims = ScenePrims { meshes: &self.meshes, instancers: &self.instancers };
         let cuts = dice(prims, &hierarchy, &reachable, &self.dicing);
         let heights = HeightCache::new(self.height_files.clone());
-        self.mesh_store.build(&mut self.meshes, &reachable, cuts, &heights);
+        if !self.mesh_store.build(&mut self.meshes, &reachable, cuts, (&heights, is_moot)) {
+            return None;
+        }
         for (path, entry) in self.meshes.iter().filter(|(path, _)| reachable.contains(*path)) {
             if let Some(built) = &entry.built {
                 reports.add(path, &built.dropped);
@@ -445,7 +463,7 @@ impl SceneDb {
         let mut surfaces = self.surface_store.tables(&self.materials, meshes_shown, reports);
         surfaces.trim();
         self.mesh_store.covers.retain(&surfaces.textures);
-        (plan, CommittedAssets { meshes, indices, surfaces })
+        Some((plan, CommittedAssets { meshes, indices, surfaces }))
     }
 
     /// The warnings that differ from the last commit's for the same prim.

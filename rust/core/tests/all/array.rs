@@ -98,3 +98,14 @@ fn identity_is_shared_by_clones_only() {
     assert!(a.same_contents(&b));
     assert!(!a.same_contents(&TypedArray::of(vec![1_i32, 3])));
 }
+
+#[test]
+fn large_arrays_are_compared_to_their_last_byte() {
+    let numbers = |last: i32| (0..300_000).chain([last]).collect::<Vec<i32>>();
+    let a = TypedArray::of(numbers(7));
+    assert!(a.same_contents(&TypedArray::of(numbers(7))), "at another address");
+    assert!(!a.same_contents(&TypedArray::of(numbers(8))), "another last element");
+    let mut longer = numbers(7);
+    longer.push(0);
+    assert!(!a.same_contents(&TypedArray::of(longer)), "one more");
+}

@@ -265,7 +265,7 @@ pub(crate) fn render<F: PathSource>(
         }
         progress.trace_ended();
     }
-    if !gate.is_superseded() {
+    if !gate.is_superseded() && !source.tracer().context.job.catches_up {
         source.tracer().end(progress)?;
     }
     source.end()?;

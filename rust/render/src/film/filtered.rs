@@ -101,6 +101,12 @@ impl FilteredPlanes {
         Ok(Some(Self { kinds, sample, sums, slots_at: [ids_at, ids_at + sample.slots_bytes(records)] }))
     }
 
+    /// Where sums, slots of ids and those of deep images begin, and the bytes of each for a pixel.
+    pub(crate) fn parts(&self) -> [(u64, u64); 3] {
+        let ([ids_at, deep_at], of) = (self.slots_at, self.sample);
+        [(0, of.sums_bytes(1)), (ids_at, of.slots_bytes(1)), (deep_at, of.deep_bytes(1))]
+    }
+
     pub(crate) fn has(&self, kind: AovKind) -> bool {
         self.kinds.contains(&kind)
     }

@@ -23,7 +23,7 @@ use crate::job::expression::ExpressionId;
 use crate::job::primvar::PrimvarImage;
 use crate::job::publish::{PictureExtent, PublishedImages};
 use crate::job::request::RenderRequest;
-use crate::job::window::{FilmWindow, PictureLayout};
+use crate::job::window::{FilmWindow, PictureLayout, PixelWindow};
 use crate::sync::lock;
 use crate::wave::{ERROR_SLOTS, LAST_SLOT, Wave, WavePiece, pieces};
 use oocpt_abi::{
@@ -473,6 +473,33 @@ impl Film {
     /// A record for each pixel, and what else follows them; only with colour.
     pub(crate) fn records(&self) -> Option<&Buffer> {
         self.film.as_ref()
+    }
+
+    /// Copies what is known of the samples of `pixels` to another film of the same images; both have their windows.
+    pub(crate) fn copy_pixels(
+        &self,
+        commands: &mut CommandList,
+        from: PixelWindow,
+        (into, to): (&Self, PixelWindow),
+        pixels: PixelWindow,
+    ) {
+        let inside = |of: PixelWindow| PixelWindow { x: pixels.x - of.x, y: pixels.y - of.y, ..pixels };
+        let places = || inside(from).rows(from.width, 1).zip(inside(to).rows(to.width, 1));
+        let mut copy = |[source, target]: [(&Buffer, u64); 2], bytes: u64| {
+            for (row, target_row) in places() {
+                let [at, target_at] = [row.start, target_row.start].map(|pixel| pixel as u64 * bytes);
+                let length = row.len() as u64 * bytes;
+                commands.copy(source.0, source.1 + at, target.0, target.1 + target_at, length);
+            }
+        };
+        if let (Some(film), Some(target)) = (&self.film, &into.film) {
+            copy([(film, 0), (target, 0)], size_of::<FilmPixel>() as u64);
+        }
+        if let (Some(have), Some(target)) = (&self.filtered, &into.filtered) {
+            for ((at, bytes), (target_at, _)) in have.parts().into_iter().zip(target.parts()) {
+                copy([(&have.sums, at), (&target.sums, target_at)], bytes);
+            }
+        }
     }
 
     /// Forgets all samples.

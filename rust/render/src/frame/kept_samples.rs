@@ -6,6 +6,7 @@
 //! samples are adaptive: an epoch is decided by the number of all samples.
 
 use crate::frame::context::paths;
+use crate::frame::film_regions::{self, FilmRegion};
 use crate::job::RenderJob;
 use crate::report::error_log::ErrorHistory;
 
@@ -21,13 +22,30 @@ pub(crate) struct KeptSamples {
     pub(crate) history: ErrorHistory,
     /// The last row of `history` is that of all of them.
     pub(crate) is_told: bool,
+    /// The images through pixel centres are not those of its window.
+    pub(crate) lacks_planes: bool,
+    /// Where pixels have other numbers of samples than `paths` says: what they have. All are in one.
+    pub(crate) regions: Vec<FilmRegion>,
 }
 
 impl KeptSamples {
     /// Whether `job` goes on with them: it has the same samples, and no fewer.
     pub(crate) fn serve(&self, job: &RenderJob) -> bool {
-        job.has_samples_of(&self.job)
+        self.regions.is_empty()
+            && job.has_samples_of(&self.job)
             && self.paths <= paths(job)
             && self.history.leads_to(job.request.pixels(), self.paths, job.settings.target_error)
+    }
+
+    /// Samples that pixels of the window of `job` have, if it is another window of the picture whose samples these are,
+    /// or one that has them in part.
+    pub(crate) fn moved_to(&self, job: &RenderJob) -> Option<Vec<FilmRegion>> {
+        if !job.shares_samples_of(&self.job) {
+            return None;
+        }
+        let window = self.job.request.part();
+        let have =
+            if self.regions.is_empty() { film_regions::of_film(window, self.paths) } else { self.regions.clone() };
+        Some(film_regions::moved(&have, job.request.part()))
     }
 }

@@ -9,6 +9,7 @@ pub(crate) mod checkpoint;
 pub(crate) mod context;
 pub(crate) mod film_header;
 pub(crate) mod film_part;
+pub(crate) mod film_regions;
 pub(crate) mod film_transfer;
 pub(crate) mod in_core;
 pub(crate) mod in_flight;

@@ -171,7 +171,8 @@ impl<'a> FrameProgress<'a> {
     /// Goes on with samples that the film has, for images of `job`.
     pub(crate) fn go_on(&mut self, kept: KeptSamples, job: &RenderJob) {
         // A film of windows has those of the window before.
-        self.lacks_planes |= kept.job.request.aovs != job.request.aovs || job.film_window.is_some();
+        self.lacks_planes |=
+            kept.lacks_planes || kept.job.request.aovs != job.request.aovs || job.film_window.is_some();
         self.kept_nonfinite = kept.nonfinite.0;
         self.done = kept.paths;
         (self.kept, self.knows_kept) = (Some(kept.paths), kept.is_told);
@@ -197,6 +198,8 @@ impl<'a> FrameProgress<'a> {
             nonfinite: (nonfinite, self.nonfinite_pixel),
             history: self.log.history(),
             is_told: self.is_finished || self.is_told(),
+            lacks_planes: false,
+            regions: Vec::new(),
         })
     }
 

@@ -115,6 +115,7 @@ impl RenderAsk {
             fixed_host_bytes,
             goes_on,
             film_window: None,
+            catches_up: false,
             team: None,
             generation,
         })
@@ -167,6 +168,8 @@ pub struct CommitProgress {
     pub ended: u64,
     /// Of these, those that held a thread of the host: always none.
     pub in_host_thread: u64,
+    /// Commits that were given up while they built meshes of prims that the host had edited again; they have not ended.
+    pub given_up: u64,
     /// True if the scene of the newest [`crate::Session::render`] is not committed yet.
     pub is_pending: bool,
 }
@@ -229,8 +232,14 @@ pub(crate) struct CommitQueue {
     held_until: Option<Instant>,
     /// The thread that asked last.
     host: Option<ThreadId>,
+    /// Counts requests that brought edits; those that [`Self::makes_moot`] has looked at.
+    sealed: u64,
+    looked_at: u64,
+    /// The commit before the one under way was given up.
+    was_given_up: bool,
     ended: u64,
     in_host_thread: u64,
+    given_up: u64,
 }
 
 impl CommitQueue {
@@ -277,12 +286,28 @@ impl CommitQueue {
         self.held_until.filter(|until| now < *until).map(|until| until - now)
     }
 
+    /// Whether the commit under way is to be given up, since the next one brings other edits of prims that it builds
+    /// meshes of. Only in an interactive session, and never two in a row: a host that drags something sees it move.
+    pub(crate) fn makes_moot(&mut self, building: &[Arc<str>]) -> bool {
+        let is_live = self.newest.as_ref().is_some_and(|newest| newest.settings.interactive);
+        let is_new = self.looked_at != self.sealed;
+        self.looked_at = self.sealed;
+        is_live && is_new && self.is_due && !self.was_given_up && self.due.make_moot(building)
+    }
+
+    /// The commit under way was given up; the next one is due.
+    pub(crate) fn give_up(&mut self) {
+        (self.is_under_way, self.was_given_up) = (false, true);
+        self.given_up += 1;
+    }
+
     pub(crate) fn stop(&mut self) {
         self.ends_stop = false;
     }
 
     pub(crate) fn progress(&self) -> CommitProgress {
-        CommitProgress { ended: self.ended, in_host_thread: self.in_host_thread, is_pending: self.is_pending() }
+        let Self { ended, in_host_thread, given_up, .. } = *self;
+        CommitProgress { ended, in_host_thread, given_up, is_pending: self.is_pending() }
     }
 }
 
@@ -295,6 +320,7 @@ impl RenderControl {
         if is_known && !is_edited {
             return None;
         }
+        commits.sealed += u64::from(!commits.edits.is_empty());
         commits.due.then(std::mem::take(&mut commits.edits));
         commits.is_edited = false;
         commits.is_due = true;
@@ -331,7 +357,7 @@ impl RenderControl {
     #[must_use]
     pub(crate) fn committed(&mut self, ask: RenderAsk, result: Option<CommittedScene>) -> Option<Arc<RenderJob>> {
         let commits = &mut self.commits;
-        commits.is_under_way = false;
+        (commits.is_under_way, commits.was_given_up) = (false, false);
         commits.held_until = None;
         commits.has_failed = result.is_none();
         commits.ended += 1;
@@ -459,6 +485,46 @@ mod tests {
         control.commits.begin().expect("the commit of the last one");
         control.ask(ask(5, &files));
         assert_eq!(control.commits.hold(Instant::now()), None, "nothing was edited");
+    }
+
+    #[test]
+    fn a_commit_is_given_up_for_edits_of_what_it_builds_and_the_next_one_is_not() {
+        let files: Arc<dyn LightFiles> = Arc::new(NoFiles);
+        let scene = scene();
+        let edits = |path: &str| vec![SceneEdit::upsert(path, |_| {})].into();
+        let building: [Arc<str>; 2] = ["/ball".into(), "/box".into()];
+        for interactive in [true, false] {
+            let asks = |width| {
+                let settings = Settings { interactive, ..Settings::default() };
+                RenderAsk { settings, ..ask(width, &files) }
+            };
+            let mut control = RenderControl::default();
+            control.commits.edit(edits("/ball"));
+            control.ask(asks(1));
+            control.commits.begin().expect("a commit");
+            control.commits.edit(edits("/box"));
+            assert!(!control.commits.makes_moot(&building), "no request came with it");
+            control.ask(asks(2));
+            assert!(!control.commits.makes_moot(&building[..1]), "another prim");
+            control.commits.edit(edits("/ball"));
+            control.ask(asks(3));
+            assert_eq!(control.commits.makes_moot(&building), interactive, "in a live view");
+            assert!(!control.commits.makes_moot(&building), "asked once");
+            if interactive {
+                control.commits.give_up();
+                let work = control.commits.begin().expect("the next one follows");
+                assert_eq!(work.edits.into_iter().count(), 2, "with the edits of both");
+                control.commits.edit(edits("/ball"));
+                control.ask(asks(4));
+                assert!(!control.commits.makes_moot(&building), "it is not given up");
+                drop(control.committed(work.ask.expect("of a request"), Some(scene.clone())));
+                assert_eq!((control.commits.progress().given_up, control.commits.progress().ended), (1, 1));
+                control.commits.begin().expect("the last one");
+                control.commits.edit(edits("/box"));
+                control.ask(asks(5));
+                assert!(control.commits.makes_moot(&building), "and the one after it may be");
+            }
+        }
     }
 
     #[test]

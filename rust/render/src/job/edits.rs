@@ -4,6 +4,7 @@
 use oocpt_core::scene::SceneDb;
 use rustc_hash::FxHashSet;
 use std::fmt;
+use std::sync::Arc;
 
 /// The work of an edit.
 type ApplyEdit = Box<dyn FnOnce(&mut SceneDb) + Send>;
@@ -71,6 +72,12 @@ pub(crate) struct EditQueue(Vec<SceneEdit>);
 impl EditQueue {
     pub(crate) fn is_empty(&self) -> bool {
         self.0.is_empty()
+    }
+
+    /// Whether they replace or remove one of these prims.
+    pub(crate) fn make_moot(&self, prims: &[Arc<str>]) -> bool {
+        let moot = MootPaths::of(&self.0);
+        prims.iter().any(|path| moot.replaced.contains(&**path) || moot.is_removed(path))
     }
 
     /// Adds later edits. Those before which they make moot are dropped.
@@ -172,6 +179,14 @@ mod tests {
         assert_eq!(names(&queue), ["Upsert(/ab)", "Other(/)", "Remove(/a)", "Upsert(/a/z)"], "with all below");
         let queue = waiting(vec![before(), vec![remove("/")]]);
         assert_eq!(names(&queue), ["Other(/)", "Remove(/)"], "the whole scene");
+    }
+
+    #[test]
+    fn prims_are_moot_that_are_edited_or_removed_with_what_is_above_them() {
+        let queue = waiting(vec![vec![light("/a/x", 1.0), remove("/b"), SceneEdit::other(|_| {})]]);
+        let moot = |paths: &[&str]| queue.make_moot(&paths.iter().map(|path| Arc::from(*path)).collect::<Vec<_>>());
+        assert!(moot(&["/c", "/a/x"]) && moot(&["/b/y/z"]), "edited, and below what is removed");
+        assert!(!moot(&["/a", "/a/x/y", "/ba"]) && !moot(&[]), "none of these");
     }
 
     /// A pseudo-random number below `below`.

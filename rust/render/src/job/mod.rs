@@ -70,6 +70,8 @@ pub(crate) struct RenderJob {
     pub(crate) film_window: Option<FilmWindow>,
     /// It renders some samples of a picture that several devices render.
     pub(crate) team: Option<TeamWork>,
+    /// It brings pixels that a moved window has anew to the samples of the others, which nobody sees before the rest.
+    pub(crate) catches_up: bool,
     /// The generation of `RenderControl` when the job was posted.
     pub(crate) generation: u64,
 }
@@ -92,6 +94,18 @@ impl RenderJob {
     /// Where the pixels of its film go in the images.
     pub(crate) fn layout(&self) -> PictureLayout {
         self.request.layout().of_window(self.film_window)
+    }
+
+    /// Whether the pixels that it has in common with `have`, which has another window, have the same samples. In live
+    /// views alone, and not where the error of all samples decides.
+    pub(crate) fn shares_samples_of(&self, have: &Self) -> bool {
+        let (request, window) = (&have.request, self.request.window);
+        let (part, had) = (self.request.part(), request.part());
+        let has_shared = !part.overlap(had).is_empty();
+        has_shared
+            && self.settings.interactive
+            && self.settings.target_error <= 0.0
+            && self.has_samples_of(&Self { request: RenderRequest { window, ..request.clone() }, ..have.clone() })
     }
 
     /// Whether samples of `have` are samples of this job too, and may be used.

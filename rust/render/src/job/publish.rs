@@ -10,7 +10,7 @@ use crate::job::window::PictureLayout;
 use rayon::prelude::*;
 
 /// Rows of the strips in which pixels are traced, one strip after the other (`pixel_position` of the shaders).
-const STRIP_ROWS: u64 = 8;
+pub(crate) const STRIP_ROWS: u64 = 8;
 /// Bytes that a thread copies at a time.
 const COPIED_AT_ONCE: usize = 1 << 20;
 

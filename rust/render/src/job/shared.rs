@@ -135,9 +135,10 @@ impl<'a> FrameGate<'a> {
         is_newer && !self.outlasts()
     }
 
-    /// Whether the newer job may go on with the samples of `job`, which is the one of this gate.
+    /// Whether the newer job may go on with the samples of `job`, which is the one of this gate, or with some of them.
     pub(crate) fn leads_on_from(&self, job: &RenderJob) -> bool {
-        self.session.control().job.as_ref().is_some_and(|newer| newer.has_samples_of(job))
+        let newer = self.session.control().job.clone();
+        newer.is_some_and(|newer| newer.has_samples_of(job) || newer.shares_samples_of(job))
     }
 
     fn outlasts(&self) -> bool {

@@ -75,6 +75,8 @@ pub struct RenderTimings {
     pub shadow_rays: u64,
     /// Paths started.
     pub paths: u64,
+    /// Of pixels that a moved window had anew, paths that brought them to the samples of the others.
+    pub caught_up_paths: u64,
     /// Waves submitted.
     pub waves: u64,
     /// The number of unfinished paths over time: the first moments at which at most 50, 10, 1, 0.1, 0.01, 0 % of them

@@ -43,6 +43,37 @@ impl PixelWindow {
         if inside.is_empty() { Self::default() } else { inside }
     }
 
+    /// The pixels that are in both; without pixels if there are none.
+    #[must_use]
+    pub(crate) fn overlap(self, other: Self) -> Self {
+        let span = |[a, a_size]: [u32; 2], [b, b_size]: [u32; 2]| {
+            let first = a.max(b);
+            (first, (a + a_size).min(b + b_size).saturating_sub(first))
+        };
+        let (x, width) = span([self.x, self.width], [other.x, other.width]);
+        let (y, height) = span([self.y, self.height], [other.y, other.height]);
+        let both = Self { x, y, width, height };
+        if both.is_empty() { Self::default() } else { both }
+    }
+
+    /// The pixels of it that are not in `other`, as windows: at most four.
+    pub(crate) fn without(self, other: Self) -> Vec<Self> {
+        let hole = self.overlap(other);
+        if hole.is_empty() {
+            return vec![self];
+        }
+        let rows = |y: u32, end: u32| Self { y, height: end - y, ..self };
+        let columns = |x: u32, end: u32| Self { x, width: end - x, ..Self { y: hole.y, height: hole.height, ..self } };
+        let (right, top) = (hole.x + hole.width, hole.y + hole.height);
+        let around = [
+            rows(self.y, hole.y),
+            columns(self.x, hole.x),
+            columns(right, self.x + self.width),
+            rows(top, self.y + self.height),
+        ];
+        around.into_iter().filter(|part| !part.is_empty()).collect()
+    }
+
     /// x0, y0, x1, y1 with y down and ends exclusive, in a picture so many rows high.
     pub(crate) fn corners(self, rows: u32) -> [u32; 4] {
         [self.x, rows - self.y - self.height, self.x + self.width, rows - self.y]
@@ -202,6 +233,23 @@ mod tests {
         assert_eq!(of([-4, -4, 99, i32::MAX]), PixelWindow::whole(size), "overscan that no pixel is for");
         for outside in [[3, 3, 3, 5], [5, 2, 4, 3], [10, 0, 20, 6], [-9, 0, 0, 6], [0, 6, 10, 9]] {
             assert_eq!(of(outside), PixelWindow::default(), "{outside:?} has no pixels");
+        }
+    }
+
+    #[test]
+    fn what_is_outside_of_another_window_is_covered_once() {
+        let of = |x, y, width, height| PixelWindow { x, y, width, height };
+        let all = of(3, 2, 6, 5);
+        for hole in [of(4, 3, 2, 2), of(0, 0, 5, 9), of(5, 0, 9, 4), all, of(0, 0, 20, 20), of(9, 2, 4, 4)] {
+            let (both, around) = (all.overlap(hole), all.without(hole));
+            let holds = |w: &PixelWindow, [x, y]: [u32; 2]| {
+                (w.x..w.x + w.width).contains(&x) && (w.y..w.y + w.height).contains(&y)
+            };
+            for at in (0..12).flat_map(|x| (0..12).map(move |y| [x, y])) {
+                let outside = around.iter().filter(|part| holds(part, at)).count();
+                assert_eq!(holds(&both, at), holds(&all, at) && holds(&hole, at), "{hole:?}, {at:?}");
+                assert_eq!(outside, usize::from(holds(&all, at) && !holds(&hole, at)), "{hole:?}, {at:?}");
+            }
         }
     }
 

@@ -187,7 +187,7 @@ impl Renderer {
     ) -> Result<(), RenderError> {
         let windows = windows(job, &device.gpu, share);
         if windows.len() < 2 {
-            return self.render_on(device, job, gate, progress);
+            return self.render_moved(device, job, gate, progress);
         }
         warn(job, windows.len(), gate.shared());
         tracing::info!(windows = windows.len(), "rendering the film window by window");

@@ -101,13 +101,23 @@ pub(crate) struct FirstPictures {
 }
 
 impl FirstPictures {
+    /// Whether a coarser picture is shown before so many pixels of `job` have a sample.
+    pub(crate) fn comes_first(&self, device: &Device, job: &RenderJob, pixels: u64) -> bool {
+        let factor = self.pace.factor(pixels, is_cpu(device));
+        #[cfg(feature = "faults")]
+        let factor = job.options.faults.first_picture.unwrap_or(factor);
+        #[cfg(not(feature = "faults"))]
+        let _ = job;
+        factor > 1
+    }
+
     /// The first picture of `job`; none where the host does not want to see images on the way, or where a sample of
     /// each pixel is as fast, or where there is no memory for it.
     pub(crate) fn begin(&mut self, device: &Device, job: &RenderJob) -> Option<FirstPicture> {
         let factor = self.pace.factor(job.request.pixels(), is_cpu(device));
         #[cfg(feature = "faults")]
         let factor = job.options.faults.first_picture.unwrap_or(factor);
-        if !job.settings.interactive || factor <= 1 || job.request.aovs.is_empty() {
+        if !job.settings.interactive || factor <= 1 || job.request.aovs.is_empty() || job.catches_up {
             return None;
         }
         let layout = job.request.layout();

@@ -6,6 +6,7 @@
 
 mod film_windows;
 mod first_picture;
+mod moved_window;
 mod upload;
 
 use crate::assets::{DeviceScene, SceneCache, SceneView};
@@ -474,6 +475,9 @@ impl Renderer {
             if context.job.settings.interactive { gate.for_first_picture(first_picture::PATIENCE) } else { *gate };
         self.trace_in_core(context, scene, first, &gate, progress)?;
         let pixels = context.job.request.pixels();
+        if context.job.catches_up {
+            return Ok(()); // a few pixels, on which the device is slow
+        }
         if progress.timings.paths >= pixels {
             self.first_pictures.pace.learn(progress.timings.paths, progress.timings.trace_secs);
         } else if gate.is_superseded() {

@@ -173,6 +173,11 @@ impl ErrorLog {
         self.last.clone()
     }
 
+    /// Whether nothing was measured of the samples so far.
+    pub(crate) fn knows_nothing(&self) -> bool {
+        self.history.octaves.is_empty() && self.history.last.is_none()
+    }
+
     /// What is known of the samples so far.
     pub(crate) fn history(&self) -> ErrorHistory {
         self.history.clone()

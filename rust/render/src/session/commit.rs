@@ -23,6 +23,15 @@ use std::sync::atomic::Ordering;
 use std::time::Instant;
 use xxhash_rust::xxh3::xxh3_128;
 
+/// How a commit ends.
+#[derive(Debug)]
+pub(super) enum CommitEnd {
+    Done(CommittedScene),
+    Failed,
+    /// Later edits are committed in its place.
+    GivenUp,
+}
+
 /// A session's scene, and what its commits keep.
 #[derive(Debug, Default)]
 pub(super) struct SessionScene {
@@ -52,9 +61,8 @@ impl SessionScene {
         }
     }
 
-    /// Commits the scene for `ask`. `None` if that failed, which was told: then the next commit begins where this one
-    /// began.
-    pub(super) fn commit(&mut self, ask: &RenderAsk, shared: &Arc<SharedState>) -> Option<CommittedScene> {
+    /// Commits the scene for `ask`; a failure is told. Unless it is done, the next commit begins where this one began.
+    pub(super) fn commit(&mut self, ask: &RenderAsk, shared: &Arc<SharedState>) -> CommitEnd {
         catch_unwind(AssertUnwindSafe(|| self.committed(ask, shared)))
             .inspect_err(|panic| {
                 let text = panic_text(panic.as_ref());
@@ -63,10 +71,11 @@ impl SessionScene {
                 let told = format!("{told}: internal error: {text}; the picture is of the scene before");
                 shared.report(Severity::Error, told);
             })
-            .ok()
+            .map_or(CommitEnd::Failed, |scene| scene.map_or(CommitEnd::GivenUp, CommitEnd::Done))
     }
 
-    fn committed(&mut self, ask: &RenderAsk, shared: &Arc<SharedState>) -> CommittedScene {
+    /// The scene for `ask`; `None` if edits that have come meanwhile make it moot.
+    fn committed(&mut self, ask: &RenderAsk, shared: &Arc<SharedState>) -> Option<CommittedScene> {
         let settings = &ask.settings;
         self.heights.iter().for_each(|heights| heights.keep_in(settings));
         self.db.set_partition(PartitionOptions { chunk_bytes: u64::from(settings.chunk_size_kib) << 10 });
@@ -79,7 +88,7 @@ impl SessionScene {
         let lent = self.keep_meshes(settings, shared);
         #[cfg(feature = "faults")]
         shared.commit_gate.pass();
-        let commit = self.db.commit();
+        let commit = self.db.commit_unless(&|building| shared.control().commits.makes_moot(building))?;
         let fixed_host_bytes = self.watch_host_memory(settings, &lent, &commit.snapshot, shared)
             + host_memory::film_files(settings, ask.request.pixels());
         self.report_materials(&settings.material_report, shared);
@@ -90,7 +99,7 @@ impl SessionScene {
         let has_file = [&settings.checkpoint, &settings.film_part].iter().any(|file| !file.is_empty());
         let identity = (has_file && !settings.interactive).then(|| self.identity(ask));
         let names = ask.names_things().then(|| Arc::new(self.db.prim_names(&ask.naming())));
-        CommittedScene { snapshot: commit.snapshot, primvars, identity, names, meshes_made, fixed_host_bytes }
+        Some(CommittedScene { snapshot: commit.snapshot, primvars, identity, names, meshes_made, fixed_host_bytes })
     }
 
     /// Has meshes built and kept as the settings say. With a budget of host memory gives what the scene's arrays take.

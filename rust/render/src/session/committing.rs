@@ -4,7 +4,7 @@
 
 use crate::job::commits::CommitWork;
 use crate::job::shared::SharedState;
-use crate::session::commit::SessionScene;
+use crate::session::commit::{CommitEnd, SessionScene};
 use crate::sync::lock;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::sync::{Arc, LazyLock, Mutex};
@@ -22,6 +22,14 @@ pub(super) fn run(shared: &Arc<SharedState>, scene: &Mutex<SessionScene>) {
         });
         drop(scene);
         let (Some(ask), Some(result)) = (ask, result) else { continue };
+        let result = match result {
+            CommitEnd::Done(scene) => Some(scene),
+            CommitEnd::Failed => None,
+            CommitEnd::GivenUp => {
+                shared.control().commits.give_up();
+                continue;
+            }
+        };
         let before = shared.control().committed(ask, result);
         shared.notify();
         drop(before);

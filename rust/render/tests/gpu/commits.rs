@@ -299,6 +299,34 @@ fn an_edit_that_fails_is_told_and_leaves_the_others() {
     assert_eq!(corner(&session, 16), 0.5, "the others count");
 }
 
+/// An edit of a mesh that a commit is about to build: its first state is built by nobody.
+#[test]
+fn a_commit_whose_mesh_is_edited_again_is_given_up() {
+    let (session, gate) = session(true);
+    let ball = |rings: i32| {
+        SceneEdit::upsert("/ball", move |db| db.upsert_mesh(sphere(prim("/ball", DMat4::IDENTITY), 1, rings, 0.5)))
+    };
+    let made = session.stats().meshes_made;
+    gate.close();
+    session.edit(vec![ball(9), lit(0.5)]);
+    session.render(view(17));
+    assert!(gate.wait_for(2, TIMEOUT), "the commit begins");
+    session.edit(vec![ball(10)]);
+    session.render(view(18));
+    gate.admit(1);
+    assert!(gate.wait_for(3, TIMEOUT), "the next one begins");
+    let progress = session.commit_progress();
+    assert_eq!((progress.given_up, progress.ended, progress.is_pending), (1, 1, true), "{progress:?}");
+    session.edit(vec![ball(11)]);
+    session.render(view(19));
+    gate.open();
+    finish(&session);
+    let progress = session.commit_progress();
+    assert_eq!((progress.given_up, progress.ended), (1, 3), "never two in a row: {progress:?}");
+    assert_eq!(session.stats().meshes_made - made, 2, "the first edit was not built");
+    assert_eq!(corner(&session, 19), 0.5, "what else the first edit brought is there");
+}
+
 #[test]
 fn a_session_that_ends_waits_for_its_commit() {
     let (session, gate) = session(true);

@@ -35,6 +35,7 @@ mod load_waits;
 mod materials;
 mod motion;
 mod motion_vectors;
+mod moved_windows;
 mod native_traversal;
 mod passes;
 mod path_expressions;

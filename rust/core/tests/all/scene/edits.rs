@@ -3,6 +3,7 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
 use glam::{DMat4, DVec3};
@@ -40,6 +41,30 @@ fn keys(snapshot: &Snapshot) -> Vec<u64> {
 
 fn same_meshes(a: &Snapshot, b: &Snapshot) -> bool {
     a.meshes.len() == b.meshes.len() && a.meshes.iter().zip(&b.meshes).all(|(a, b)| Arc::ptr_eq(a, b))
+}
+
+#[test]
+fn a_commit_that_is_given_up_keeps_the_scene_and_what_it_has_built() {
+    let (mut db, ..) = scene();
+    let before = committed(&mut db);
+    let made = db.meshes_made();
+    for (path, tag) in [("/a", 0.5), ("/b", 0.6), ("/c", 0.7), ("/d", 0.8)] {
+        db.upsert_mesh(triangle(path, tag));
+    }
+    let asked = AtomicUsize::new(0);
+    let given_up = db.commit_unless(&|building| {
+        assert_eq!(building.len(), 4, "{building:?}");
+        asked.fetch_add(1, Ordering::Relaxed) > 0
+    });
+    assert!(given_up.is_none() && Arc::ptr_eq(&before, db.snapshot()), "the scene of before");
+    assert_eq!(db.meshes_made() - made, 1, "one mesh was begun before");
+    let after = committed(&mut db);
+    assert_eq!(db.meshes_made() - made, 4, "each is built once");
+    assert_eq!((after.version, after.meshes.len()), (before.version + 1, before.meshes.len() + 4));
+    db.remove("/d");
+    assert!(db.commit_unless(&|_| true).is_some(), "nothing is left to build");
+    db.upsert_mesh(triangle("/d", 0.9));
+    assert!(db.commit_unless(&|_| true).is_none(), "something is");
 }
 
 #[test]

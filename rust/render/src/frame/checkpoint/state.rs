@@ -29,7 +29,7 @@ pub(super) struct EngineState {
 
 impl EngineState {
     pub(super) fn of(kept: &KeptSamples, images: &[AovKind]) -> Self {
-        let KeptSamples { job: _, paths, nonfinite, history, is_told } = kept;
+        let KeptSamples { job: _, paths, nonfinite, history, is_told, .. } = kept;
         Self {
             version: VERSION,
             paths: *paths,
@@ -76,7 +76,8 @@ impl EngineState {
         if !history.leads_to(pixels, have, job.settings.target_error) {
             return Err(format!("has {samples} samples of each pixel, more than the target error takes"));
         }
-        Ok(KeptSamples { job: job.clone(), paths: have, nonfinite, history, is_told })
+        let (job, lacks_planes, regions) = (job.clone(), false, Vec::new());
+        Ok(KeptSamples { job, paths: have, nonfinite, history, is_told, lacks_planes, regions })
     }
 }
 

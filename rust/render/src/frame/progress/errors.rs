@@ -43,11 +43,12 @@ impl FrameProgress<'_> {
         Some(row.estimate?.rel_mse * f64::from(row.samples))
     }
 
-    /// Whether the samples done are no octave, whose error is known.
+    /// Whether the error of the samples done is not known from an octave that they are.
     pub(crate) fn ends_between_octaves(&self) -> bool {
         let boundary = || next_boundary(self.done - 1, self.pixels).1;
         let is_whole = self.first_sample == 0 && self.done >= self.pixels;
-        is_whole && self.done != self.decided.unwrap_or_else(boundary) && !self.is_told()
+        let has_ended_one = self.done == self.decided.unwrap_or_else(boundary) && !self.log.knows_nothing();
+        is_whole && !has_ended_one && !self.is_told()
     }
 
     /// Takes what the film measured of these octaves, once their submission is done.
