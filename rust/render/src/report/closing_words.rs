@@ -8,8 +8,8 @@ use oocpt_core::stats::{ErrorRow, RenderStats, WorstPixel};
 const SHARE: f64 = 0.5;
 /// One pixel in so many may be among the few.
 const ONE_IN: u64 = 1000;
-/// The relative squared error from which a pixel is a firefly: it is off by as much as its surroundings show. What holds
-/// most of the error of a picture without noise are a few pixels at edges, whose errors are smaller.
+/// The relative squared error from which a pixel is a firefly: it is off by as much as its surroundings show. A few
+/// pixels at edges hold most of the error of a picture without noise, but theirs are smaller.
 const OF_A_FIREFLY: f64 = 1.0;
 
 /// Samples, seconds, relMSE with its 95 % interval, peak of the device memory, loads, the windows of the film, and

@@ -36,7 +36,8 @@ fn open(build: fn(&mut SceneDb), settings: Settings, streams: bool) -> Session {
 }
 
 fn set_samples(session: &Session, samples: u32) {
-    assert!(session.set_setting("oocpt:samplesPerPixel", SettingValue::Int(samples.into())).is_ok());
+    let set = session.set_setting("oocpt:samplesPerPixel", SettingValue::Int(samples.into()));
+    assert!(set.is_ok(), "a setting that is known: {set:?}");
 }
 
 /// Whether two sessions have the same images of a request, but for the error of pixels, which is told of all.

@@ -106,7 +106,7 @@ impl WatchedProcess<'_> {
 }
 
 /// The processor time that a process and the children that it waited for have taken, which Linux tells until it is
-/// waited for itself (proc_pid_stat(5): utime, stime, cutime, cstime, in hundredths of a second).
+/// waited for itself (`proc_pid_stat(5)`: utime, stime, cutime, cstime, in hundredths of a second).
 fn processor_time(process: u32) -> Option<Duration> {
     let stat = fs::read_to_string(format!("/proc/{process}/stat")).ok()?;
     // The program's name is in parentheses and may hold spaces; the third field follows it.
