@@ -184,7 +184,8 @@ mod tests {
     #[test]
     fn prims_are_moot_that_are_edited_or_removed_with_what_is_above_them() {
         let queue = waiting(vec![vec![light("/a/x", 1.0), remove("/b"), SceneEdit::other(|_| {})]]);
-        let moot = |paths: &[&str]| queue.make_moot(&paths.iter().map(|path| Arc::from(*path)).collect::<Vec<_>>());
+        let paths = |paths: &[&str]| paths.iter().map(|path| Arc::from(*path)).collect::<Vec<Arc<str>>>();
+        let moot = |of: &[&str]| queue.make_moot(&paths(of));
         assert!(moot(&["/c", "/a/x"]) && moot(&["/b/y/z"]), "edited, and below what is removed");
         assert!(!moot(&["/a", "/a/x/y", "/ba"]) && !moot(&[]), "none of these");
     }
