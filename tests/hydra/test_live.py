@@ -97,7 +97,6 @@ def made(rows):
     return rows[-1]["meshes"] - rows[0]["meshes"]
 
 
-@pytest.mark.both_front_ends
 def test_each_move_shows_another_whole_picture(view):
     rows = live(view, [turn(0.4 * k) for k in range(12)])
     assert made(rows) == 0, "looking around builds nothing"

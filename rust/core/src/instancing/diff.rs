@@ -140,8 +140,8 @@ mod tests {
     fn the_elements_that_differ_are_found_whatever_their_size() {
         for size in [1, 2, 4, 6, 8, 12, 16, 24, 32, 64, 128] {
             for (count, other) in [(2 * BLOCK + 77, 2 * BLOCK + 77), (9000, 4000), (65, 63), (3, 3)] {
-                let old: Vec<u8> = (0..count * size).map(|at| (at % 251) as u8).collect();
-                let mut new: Vec<u8> = (0..other * size).map(|at| (at % 251) as u8).collect();
+                let bytes = |length: usize| (0..=250_u8).cycle().take(length).collect::<Vec<_>>();
+                let (old, mut new) = (bytes(count * size), bytes(other * size));
                 let changed: Vec<usize> =
                     [0, 2, 62, 63, 64, 71, 4095, 4096, 8200].into_iter().filter(|at| *at < other).collect();
                 // In the first byte of an element, the last one and one between.

@@ -154,7 +154,8 @@ fn host_bytes(job: &RenderJob, rounds: usize, shared: &SharedState) -> u64 {
         let [budget, images, films] = [budget, images, films].map(|bytes| bytes.div_ceil(1 << 20));
         let films = if films > 0 { format!(" and its film {films} MiB") } else { String::new() };
         let text = format!(
-            "oocpt:hostMemoryBudget of {budget} MiB is exceeded: images of the picture take {images} MiB{films}; the              device has no memory for them"
+            "oocpt:hostMemoryBudget of {budget} MiB is exceeded: images of the picture take {images} MiB{films}; the \
+             device has no memory for them"
         );
         shared.report(Severity::Warning, text);
     }

@@ -33,6 +33,11 @@ pub(crate) fn seeds([few, many]: [u32; 2]) -> u32 {
     if is_full() { many } else { few }
 }
 
+/// The first values of a test, or, by `cargo xtask test --full`, all.
+pub(crate) fn few_of<T>(all: &[T], few: usize) -> &[T] {
+    if is_full() { all } else { &all[..few] }
+}
+
 /// Returns true if the tests run by `cargo xtask test --full`.
 pub(crate) fn is_full() -> bool {
     std::env::var_os("OOCPT_TEST_FULL").is_some()

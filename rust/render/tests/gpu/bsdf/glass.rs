@@ -6,6 +6,7 @@ use super::cases::{Case, Random, SPECULAR_WORKFLOW, direction};
 use super::device::{ALL, Device, SHARP_GLASS};
 use super::energy::furnace_of;
 use super::sampling::{Chart, mirror, test};
+use crate::support::few_of;
 use glam::DVec3;
 use std::f64::consts::{PI, TAU};
 
@@ -281,7 +282,7 @@ fn any_glass_in_a_white_furnace_disappears() {
 #[test]
 fn glass_in_a_white_furnace_disappears() {
     let device = Device::new(ALL);
-    for ior in [0.4, 0.7, 0.9, 1.0, 1.0001, 1.1, 1.33, 1.5, 3.0] {
+    for &ior in few_of(&[0.4, 0.9, 1.0, 1.0001, 1.33, 3.0, 0.7, 1.1, 1.5], 6) {
         for side in [1.0, -1.0] {
             let of = |roughness: f64, c: f64| Case { wo: direction(c, 0.3) * side, roughness, ior, ..glass() };
             let name = format!("glass of ior {ior}, side {side}");

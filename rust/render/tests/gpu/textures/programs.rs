@@ -75,7 +75,8 @@ fn streaming_emission_program_textures_changes_no_bit() {
 fn coverage_of_a_comparison_is_the_same_from_every_distance() {
     let node = crate::materials::node;
     for (opaque, expected) in [(1.0, LEAF_AREA), (0.8, 0.8 * LEAF_AREA)] {
-        for along in DISTANCES {
+        // The program is the same code from everywhere: its distances are the nearest and the farthest.
+        for along in DISTANCES.into_iter().filter(|along| opaque == 1.0 || [4, 512].contains(along)) {
             let [alpha, _] = coverage(64, (opaque == 1.0, false), None, |db| {
                 let file =
                     ParamValue::Asset(AssetRef { authored: "leaf 256x128".into(), resolved: "leaf 256x128".into() });
