@@ -31,6 +31,7 @@ pub(crate) fn line(stats: &RenderStats) -> String {
     let samples: Vec<String> = stats.devices.iter().map(|device| device.samples.to_string()).collect();
     let devices = match &*samples {
         [] => String::new(),
+        [samples] => format!(", on 1 device ({samples} samples)"),
         samples => format!(", on {} devices ({} samples)", samples.len(), samples.join(", ")),
     };
     let denoised = stats.denoised.as_ref();
@@ -83,7 +84,7 @@ fn bytes(count: u64) -> String {
 mod tests {
     use super::*;
     use oocpt_core::convergence::ErrorEstimate;
-    use oocpt_core::stats::DenoiserUsage;
+    use oocpt_core::stats::{DenoiserUsage, DeviceUsage};
 
     fn row(rel_mse: f64, worst: &[f64]) -> ErrorRow {
         let estimate = Some(ErrorEstimate { rel_mse, low: 0.5 * rel_mse, high: 2.0 * rel_mse });
@@ -107,6 +108,12 @@ mod tests {
         stats.denoised = None;
         (stats.streaming.in_core, stats.error, stats.gpu_peak_bytes) = (true, None, 300 << 20);
         assert_eq!(line(&stats), "64 samples, 12.3 s, error unknown, 300 MiB of device memory, in core");
+        for (samples, said) in [(&[64][..], "on 1 device (64 samples)"), (&[40, 24], "on 2 devices (40, 24 samples)")] {
+            let used = |&samples: &u32| DeviceUsage { samples, ..DeviceUsage::default() };
+            stats.devices = samples.iter().map(used).collect();
+            assert!(line(&stats).ends_with(said), "{}", line(&stats));
+        }
+        stats.devices = Vec::new();
         stats.film_windows = 5;
         assert!(line(&stats).ends_with(" of device memory, in core, the film in 5 windows"), "{}", line(&stats));
     }
