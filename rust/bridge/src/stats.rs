@@ -139,7 +139,7 @@ fn error(row: &ErrorRow) -> Vec<NamedValue> {
 }
 
 /// The figures about chunks, memory and the overlap of tracing and loading.
-fn streaming(stats: &StreamingStats) -> [NamedValue; 39] {
+fn streaming(stats: &StreamingStats) -> [NamedValue; 40] {
     [
         flag("oocpt:inCore", stats.in_core),
         integer("oocpt:chunks", stats.chunks),
@@ -156,6 +156,7 @@ fn streaming(stats: &StreamingStats) -> [NamedValue; 39] {
         integer("oocpt:reloadedBytes", stats.reloaded_bytes),
         real("oocpt:hitRate", stats.hit_rate),
         integer("oocpt:waitingRays", stats.waiting_rays),
+        integer("oocpt:waits", stats.waits),
         integer("oocpt:stragglers", stats.stragglers),
         integer("oocpt:geometryBytes", stats.geometry_bytes),
         integer("oocpt:geometryBudgetBytes", stats.geometry_budget_bytes),

@@ -41,8 +41,21 @@ pub fn remove_unused(path: &Path) -> Result<bool> {
     if matches!(file.try_lock(), Err(TryLockError::WouldBlock)) || !is_named(&file, path)? {
         return Ok(false);
     }
-    std::fs::remove_file(path)?;
-    Ok(true)
+    remove_if(&file, path)
+}
+
+/// Removes the file of this name if it is `file`. Another process may give the name to a new file at any moment, so it
+/// is taken aside first: a file in use is never without a name, which reading it over NFS needs.
+fn remove_if(file: &File, path: &Path) -> Result<bool> {
+    let aside = path.with_extension(format!("{}.part", unique_number()));
+    std::fs::rename(path, &aside)?;
+    let is_it = is_named(file, &aside)?;
+    if !is_it {
+        // Fails if the name is taken again: then there is a newer one.
+        let _given_back = std::fs::hard_link(&aside, path);
+    }
+    std::fs::remove_file(&aside)?;
+    Ok(is_it)
 }
 
 /// A number that no other call has, in this process or in another on any machine: two words for names of files.
@@ -132,6 +145,22 @@ mod tests {
         fs::rename(&path, folder.join("other")).expect("renamed");
         fs::write(&path, b"y").expect("written");
         assert!(!is_named(&remover, &path).expect("there"), "another file's name by now");
+        fs::remove_dir_all(folder).expect("own files");
+    }
+
+    #[test]
+    fn a_new_file_of_the_same_name_is_given_back() {
+        let folder = scratch("new");
+        let path = folder.join("entry");
+        fs::write(&path, b"old").expect("written");
+        let old = crate::open(&path).expect("there");
+        fs::write(folder.join("new"), b"new").expect("written");
+        fs::rename(folder.join("new"), &path).expect("renamed");
+        let new = crate::open(&path).expect("there");
+        assert!(hold(&new) && !remove_if(&old, &path).expect("there"), "another process has made it");
+        assert!(hold(&new) && is_named(&new, &path).expect("there"), "it has its name");
+        assert_eq!(fs::read_dir(&folder).expect("there").count(), 1, "and no other");
+        assert!(remove_if(&new, &path).expect("there") && !path.exists(), "the file that was meant");
         fs::remove_dir_all(folder).expect("own files");
     }
 

@@ -53,6 +53,8 @@ pub struct PlantedFaults {
     pub film_window: Option<u32>,
     /// Copies images to the host to be denoised.
     pub denoises_by_host: bool,
+    /// There is no memory for another film beside that of a live view whose window moves.
+    pub has_no_second_film: bool,
     /// Milliseconds after which a wait for loads is told, in place of a minute; 0 = a minute.
     pub impatient_millis: u32,
 }

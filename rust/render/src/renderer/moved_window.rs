@@ -34,6 +34,8 @@ struct MovedFilm {
     /// Samples that all pixels are to have before they go on together.
     samples: u32,
     nonfinite: (u32, u32),
+    /// True if the device had no memory for the film of a region.
+    has_no_room: bool,
     /// Stats, messages and images of regions.
     apart: SharedState,
 }
@@ -71,6 +73,22 @@ fn kept(job: RenderJob, samples: u32, (nonfinite, is_told): ((u32, u32), bool)) 
     KeptSamples { job, paths, nonfinite, history, is_told, lacks_planes, regions: Vec::new() }
 }
 
+/// A film for `job`; none where the device has no memory for another one.
+fn film_of(device: &Device, job: &RenderJob) -> Result<Option<Film>, RenderError> {
+    #[cfg(feature = "faults")]
+    if job.options.faults.has_no_second_film && job.catches_up {
+        return Ok(None);
+    }
+    match Film::new(&device.gpu, &job.request, FilmSums::of(job, false)) {
+        Ok(film) => Ok(Some(film)),
+        Err(error @ GpuError::DeviceLost { .. }) => Err(error.into()),
+        Err(error) => {
+            tracing::debug!(%error, "the samples of a moved window are not kept");
+            Ok(None)
+        }
+    }
+}
+
 /// Copies the pixels of `shared` from one film to a new one or, if it `is_part`, to one that has others already; each
 /// film has its window.
 fn copy(
@@ -105,6 +123,10 @@ impl Renderer {
             return self.render_on(device, job, gate, progress);
         };
         self.catch_up(device, job, gate, progress, &mut moved)?;
+        if moved.has_no_room {
+            (self.film, self.kept) = (None, None);
+            return self.render_on(device, job, gate, progress);
+        }
         let (samples, nonfinite) = (moved.samples, moved.nonfinite);
         let behind = moved.regions.iter().any(|region| region.samples < samples);
         self.kept = Some(kept(job.clone(), samples, (nonfinite, false)));
@@ -133,19 +155,13 @@ impl Renderer {
             return Ok(None);
         }
         let (Some(old), Some(before)) = (self.film.take(), self.kept.take()) else { return Ok(None) };
-        let film = match Film::new(&device.gpu, &job.request, FilmSums::of(job, false)) {
-            Ok(film) => film,
-            Err(error @ GpuError::DeviceLost { .. }) => return Err(error.into()),
-            Err(error) => {
-                tracing::debug!(%error, "the samples of a moved window are not kept");
-                return Ok(None);
-            }
-        };
+        let Some(film) = film_of(device, job)? else { return Ok(None) };
         let shared: Vec<PixelWindow> =
             regions.iter().filter(|region| region.samples > 0).map(|region| region.pixels).collect();
         copy(device, (&old, before.job.request.part()), (&film, job.request.part()), (&shared, false))?;
         self.film = Some(film);
-        Ok(Some(MovedFilm { regions, samples, nonfinite: before.nonfinite, apart: SharedState::default() }))
+        let (nonfinite, apart) = (before.nonfinite, SharedState::default());
+        Ok(Some(MovedFilm { regions, samples, nonfinite, has_no_room: false, apart }))
     }
 
     /// Brings all regions to the samples of the others, until `gate` closes; shows pictures on the way.
@@ -190,7 +206,10 @@ impl Renderer {
         }
         let region = moved.regions[number];
         let part = region_job(job, region.pixels, samples);
-        let film = Film::new(&device.gpu, &part.request, FilmSums::of(&part, false))?;
+        let Some(film) = film_of(device, &part)? else {
+            moved.has_no_room = true;
+            return Ok(false);
+        };
         let Some(whole) = self.film.replace(film) else { return Ok(false) };
         let window = job.request.part();
         if let Some(film) = self.film.as_ref().filter(|_| region.samples > 0) {

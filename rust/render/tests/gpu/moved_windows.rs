@@ -143,6 +143,24 @@ fn a_window_that_moves_while_it_is_rendered_keeps_its_samples() {
     assert!(same_images(&live, &at_once, &within(second)), "other bits");
 }
 
+/// Without memory for the film of the new pixels the view begins again, and is no error.
+#[test]
+fn a_moved_window_without_memory_for_another_film_begins_again() {
+    let faults = PlantedFaults { first_picture: Some(1), has_no_second_film: true, ..PlantedFaults::default() };
+    let options = SessionOptions { validation: true, faults, ..SessionOptions::default() };
+    let settings = Settings { interactive: true, ..settings(5, 2) };
+    let live = Session::with_options(settings.clone(), options);
+    live.with_scene(nested);
+    let [first, second] = [of(4, 3, 30, 27), of(9, 5, 30, 27)];
+    render(&live, &within(first));
+    render(&live, &within(second));
+    let (timings, kept) = (live.timings(), live.stats().samples_kept);
+    assert_eq!((timings.paths, timings.caught_up_paths, kept), (5 * second.pixels(), 0, 0), "all of it");
+    let at_once = open(nested, settings, false);
+    render(&at_once, &within(second));
+    assert!(same_images(&live, &at_once, &within(second)), "other bits");
+}
+
 /// Where the error decides, or in a batch render, another window is another picture.
 #[test]
 fn other_windows_begin_again_where_they_have_to() {
