@@ -28,7 +28,7 @@ def check_versions(root: Path) -> str:
     manifest = (root / "blender_manifest.toml").read_text(encoding="utf-8")
     version = re.search(r'^version = "([^"]+)"', manifest, re.MULTILINE)[1]
     oldest = re.search(r'^blender_version_min = "(\d+\.\d+)', manifest, re.MULTILINE)[1]
-    if version != package.version() or not package.bpy_version().startswith(f"{oldest}."):
+    if version != package.version() or not package.PINS["BPY"].startswith(f"{oldest}."):
         raise SystemExit(f"blender_manifest.toml is of {version} for Blender {oldest}, not of what was built")
     return version
 
