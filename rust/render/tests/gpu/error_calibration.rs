@@ -5,7 +5,7 @@ use crate::error_estimate::{SIZE, gloss, lamps, low_sun, mirror, overcast, view,
 use crate::lights::TestFiles;
 use crate::scenes::{features, nested};
 use crate::streaming::{SCENES, Scene};
-use crate::support::{color_request, is_full, perspective, read, render, seeds, settings};
+use crate::support::{color_request, few_of, is_full, perspective, read, render, seeds, settings};
 use oocpt_core::scene::SceneDb;
 use oocpt_core::settings::SettingValue;
 use oocpt_core::stats::ErrorRow;
@@ -182,7 +182,7 @@ fn are_calibrated(cases: &[Case], pictures: u32, widest: f64) {
 /// The more pixels a picture has, the narrower its interval, and the less a wrong model is forgiven.
 #[test]
 fn larger_pictures_of_few_and_of_many_samples_are_calibrated() {
-    for (size, samples) in [([32, 20], 4), ([40, 32], 16), ([32, 20], 256)] {
+    for &(size, samples) in few_of(&[([32, 20], 4), ([40, 32], 16), ([32, 20], 256)], 2) {
         are_calibrated(&elsewhere(size, samples), seeds([8, 32]), widest_at(samples));
     }
 }

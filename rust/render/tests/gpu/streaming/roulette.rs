@@ -242,8 +242,13 @@ fn roulette_is_unbiased_with_adaptive_sampling() {
     assert!(regions.is_empty(), "regions {regions:?} have another mean: {said}");
 }
 
+/// With all tests; [`unweighted_survivors_are_noticed`] is always run.
 #[test]
 fn unweighted_survivors_are_noticed_with_adaptive_sampling() {
+    if !is_full() {
+        eprintln!("skipped: only with all tests (OOCPT_TEST_FULL)");
+        return;
+    }
     let mut without = Renderer::new(&SCENES[0], adaptive(), options());
     let (regions, totals, said) = differing(&SCENES[0], &mut without, 10, (unweighted(), PLANTED));
     println!("{said}; {totals:?}");
