@@ -113,9 +113,12 @@ impl DiskCache {
         }
     }
 
-    /// Removes the entry of a key, unless a process uses it.
+    /// Removes the damaged entry of a key, whoever uses it: it is to be made anew.
     pub(crate) fn remove(&self, key: &str) {
-        delete(&self.path(key));
+        let path = self.path(key);
+        if let Err(error) = fs::remove_file(&path) {
+            tracing::debug!(path = %path.display(), %error, "cannot be removed");
+        }
     }
 
     /// Begins an entry; `None`, with a complaint, if nothing can be written.
@@ -214,7 +217,23 @@ pub(crate) struct PendingEntry<'a> {
 }
 
 impl PendingEntry<'_> {
-    /// Completes the file and renames it; `None`, with a complaint, if that fails.
+    /// Gives the complete file its name, or takes the entry that has it: a file that another process may be reading
+    /// keeps its name, which reading it over NFS needs.
+    fn named(&self, entry: TxFile) -> io::Result<TxFile> {
+        if fs::hard_link(&self.part, &self.path).is_ok() {
+            fs::remove_file(&self.part)?;
+            return Ok(entry);
+        }
+        if let Some(theirs) = self.cache.find(&entry.description().key) {
+            fs::remove_file(&self.part)?;
+            return Ok(theirs);
+        }
+        // It is being removed, or the file system has no links.
+        fs::rename(&self.part, &self.path)?;
+        Ok(entry)
+    }
+
+    /// Completes the file and names it; `None`, with a complaint, if that fails.
     pub(crate) fn commit(mut self) -> Option<TxFile> {
         let writer = self.writer.take()?;
         let ended = writer.finish().and_then(|file| {
@@ -223,9 +242,7 @@ impl PendingEntry<'_> {
             // Opened and held before it has its name: from then on another process may remove it.
             let file = oocpt_files::open(&self.part)?;
             let _is_there = oocpt_files::hold(&file);
-            let entry = TxFile::open(file)?;
-            fs::rename(&self.part, &self.path)?;
-            Ok(entry)
+            self.named(TxFile::open(file)?)
         });
         match ended {
             Ok(entry) => {
@@ -320,12 +337,14 @@ mod tests {
     }
 
     #[test]
-    fn entries_are_found_by_their_key_and_replaced() {
+    fn entries_are_found_by_their_key_and_made_anew() {
         let cache = cache("found", 1 << 20);
         assert!(cache.find("a").is_none(), "nothing is there");
         assert_eq!(texel(&add(&cache, "a", 1)), 1, "what was written");
         add(&cache, "b", 2);
         let old = cache.find("a").expect("there");
+        assert_eq!(texel(&add(&cache, "a", 3)), 1, "the one that is there");
+        cache.remove("a");
         add(&cache, "a", 3);
         assert_eq!(texel(&old), 1, "who has the old one open keeps it");
         assert_eq!(cache.find("a").map(|file| texel(&file)), Some(3), "the new one");
@@ -409,6 +428,18 @@ mod tests {
         drop(found);
         add(&other, "b", 2);
         assert!(another(&cache).find("a").is_none(), "nobody uses it");
+    }
+
+    #[test]
+    fn an_entry_that_a_process_uses_is_not_replaced() {
+        use std::os::unix::fs::MetadataExt as _;
+        let cache = cache("replaced", 1 << 20);
+        let number = || fs::metadata(cache.path("a")).expect("there").ino();
+        let first = add(&another(&cache), "a", 1);
+        let used = number();
+        let second = add(&another(&cache), "a", 1);
+        assert_eq!([texel(&first), texel(&second)], [1, 1], "both have an entry");
+        assert_eq!((number(), files(&cache)), (used, 1), "the same one, and there is no other file");
     }
 
     #[test]
