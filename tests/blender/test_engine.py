@@ -36,7 +36,7 @@ def test_blender_renders(blender, variables, tmp_path, method):
     assert (cubes[:, 2] > 4 * cubes[:, 0]).all() and (cubes[:, 2] > 0.2).all(), f"cubes: {cubes}"
     gaps = np.array([row[:, 8 + 8 * k].mean(axis=0) for k in range(11)])
     compare.near(gaps, 0.5, 1e-3, "the sky between the cubes")
-    # It asks without pause, tens of thousands of times a second, and copies all images in between. The first 64 times it
-    # gets an answer at once, and again where it had to wait for locks meanwhile, as beside other tests.
+    # It asks without pause, tens of thousands of times a second, and copies all images in between. The first 64 times
+    # it gets an answer at once, and again where it had to wait for locks meanwhile, as beside other tests.
     polls = np.load(f"{output}.polls.npy")
     assert 1 <= len(polls) <= 4 * 64 + (polls[-1] - polls[0]) / 0.045, f"{len(polls)} in {polls[-1] - polls[0]} s"
