@@ -4,6 +4,7 @@
 
 use crate::checkpoints::{Folder, by, open};
 use crate::scenes::{dome, features, mesh, nested, prim, square};
+use crate::streaming::SCENES;
 use crate::support::{self, filtering, orthographic, perspective, read, render, request, settings};
 use glam::{DMat4, DVec3};
 use oocpt_abi::sampler::{pixel_seed, sample_1d, sample_4d};
@@ -414,6 +415,23 @@ fn a_fifth_primvar_is_left_out_by_its_name() {
     let bytes = (SIZE[0] * SIZE[1]) as usize * 16;
     let is_there = kinds.map(|kind| session.read_aov(kind, &mut vec![0; bytes]));
     assert_eq!(is_there, [true, true, true, true, false, true, false]);
+}
+
+#[test]
+fn a_primvar_as_an_image_has_the_same_bits_while_streaming() {
+    let scene = &SCENES[7];
+    let kind = AovKind::from_token("primvars:displayColor").expect("a primvar");
+    let mut view = request(perspective(scene.eye, scene.target, 0.7, SIZE));
+    view.aovs.push(AovRequest { kind, clear: [0.0; 4] });
+    for settings in [settings(4, 1), filtering(settings(4, 1))] {
+        let [core, streamed] = [false, true].map(|streams| {
+            let session = session_of(Settings { chunk_size_kib: 16, ..settings.clone() }, streams, scene.build);
+            render(&session, &view);
+            read::<[f32; 4]>(&session, &view, kind)
+        });
+        assert!(core.iter().any(|value| value[0] > 0.0), "there are colours");
+        assert!(core == streamed, "other bits");
+    }
 }
 
 #[test]
