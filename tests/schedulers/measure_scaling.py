@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Measures what a frame costs a farm, and the frame itself on few workers, beside what `oocpt_scaling.py` says of it.
 
-    tests/farm/measure_scaling.py --scene scene.usda --camera /World/Camera --samples 256 --blocks 8 --workers 1,2,4
+    tests/schedulers/measure_scaling.py --scene scene.usda --camera /World/Camera --samples 256 --blocks 8
+        --workers 1,2,4
 
 Workers are processes of this machine that take blocks as they get free. With `--clock cpu` times are processor seconds
 of a task and all that it started, which other programs do not lengthen: a worker then stands for one core, and more

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Farm jobs whose processes are killed at random moments, against the bits of one process.
 
-    $OOCPT_USD_PYTHON tests/farm/random_kills.py --scheduler openjd --runs 20 --seed 1
+    $OOCPT_USD_PYTHON tests/schedulers/random_kills.py --scheduler openjd --runs 20 --seed 1
 
 Runs what the book tells users to run, through real schedulers on this machine: `openjd` (PyPI `openjd-cli`), `slurm`
 (Debian's `slurm-wlm` and `munge`, whose daemons this starts and stops, as root), `ray` (PyPI `ray`). OOCPT_OPENJD names
