@@ -217,18 +217,19 @@ pub(crate) struct PendingEntry<'a> {
 }
 
 impl PendingEntry<'_> {
-    /// Gives the complete file its name, or takes the entry that has it: a file that another process may be reading
-    /// keeps its name, which reading it over NFS needs.
+    /// Gives the complete file its name, or takes the entry that has it and as many levels: a file that another process
+    /// may be reading keeps its name, which reading it over NFS needs.
     fn named(&self, entry: TxFile) -> io::Result<TxFile> {
         if fs::hard_link(&self.part, &self.path).is_ok() {
             fs::remove_file(&self.part)?;
             return Ok(entry);
         }
-        if let Some(theirs) = self.cache.find(&entry.description().key) {
+        let has_enough = |theirs: &TxFile| theirs.description().first_level <= entry.description().first_level;
+        if let Some(theirs) = self.cache.find(&entry.description().key).filter(has_enough) {
             fs::remove_file(&self.part)?;
             return Ok(theirs);
         }
-        // It is being removed, or the file system has no links.
+        // It has fewer levels or is being removed, or the file system has no links.
         fs::rename(&self.part, &self.path)?;
         Ok(entry)
     }

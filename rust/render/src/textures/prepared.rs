@@ -176,8 +176,7 @@ impl PreparedImage {
         let mut state = lock(&self.state);
         if state.held.as_ref().is_some_and(|held| Arc::ptr_eq(held, damaged)) {
             state.held = None;
-            if let (Some((disk, key)), HeldLevels::Disk(file)) = (&self.disk, &**damaged) {
-                file.release();
+            if let (Some((disk, key)), HeldLevels::Disk(_)) = (&self.disk, &**damaged) {
                 disk.remove(key);
             }
         }

@@ -34,11 +34,6 @@ pub(crate) struct TxFile {
 }
 
 impl TxFile {
-    /// Lets others remove the file, which is damaged.
-    pub(crate) fn release(&self) {
-        oocpt_files::release(&self.file);
-    }
-
     /// Opens a finished file.
     pub(crate) fn open(file: File) -> io::Result<Self> {
         let bytes = file.metadata()?.len();
