@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""OocPT as a render engine of Blender 5.0.
+"""OocPT as a render engine of Blender.
 
 `engine` renders, through Blender's own `HydraRenderEngine`; `stage` corrects the USD stage that Blender exports for it;
-`plugin` loads the Hydra plugin that lies beside this file; `passes` is the table of passes; `progress` tells how far a
+`plugin` loads the Hydra plugin that lies beside this file, which `pins` says the versions of; `passes` is the table of passes; `progress` tells how far a
 render is; `settings` and `panels` are what the user sees.
 """
 
