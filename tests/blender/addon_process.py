@@ -297,7 +297,7 @@ def unseen():
     plane(dull("Roof", (0.5, 0.5, 0.5)), size=8, location=(-6, 0, 12))
     lamp("SUN", (0, 0, 15), 1.0)
     scene.render.film_transparent = True
-    return render_both("unseen", 16)
+    return render_both("unseen", 64)
 
 
 def edits():
