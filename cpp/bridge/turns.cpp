@@ -62,6 +62,7 @@ void HdOocPTTurns::Restart()
     const std::lock_guard<std::mutex> lock(_mutex);
     for (auto& [viewport, state] : _viewports) {
         state.isFinal = false;
+        state.isOld = true;
     }
 }
 
@@ -77,6 +78,7 @@ bool HdOocPTTurns::_IsTaken(
         viewport->request = request;
         viewport->lens = lens;
         viewport->isFinal = false;
+        viewport->isOld = false;
     }
     return isTaken;
 }
@@ -102,7 +104,7 @@ bool HdOocPTTurns::Take(const HdOocPTRenderRequest& request, const HdOocPTLens& 
         isKept = keep() && isKept;
     }
     lock.lock();
-    before->second.isFinal = isKept;
+    before->second.isFinal = isKept && !before->second.isOld;
     _turn = request.viewport;
     _executionsOfOthers = 0;
     _isOwnDue = true;

@@ -63,6 +63,8 @@ private:
         HdOocPTRenderRequest request;
         HdOocPTLens lens;
         bool isFinal = false;
+        /// The scene has changed since it was asked for.
+        bool isOld = false;
     };
 
     bool _IsTaken(_Viewport* viewport, const HdOocPTRenderRequest& request, const HdOocPTLens& lens, bool isConverged);

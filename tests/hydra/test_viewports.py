@@ -118,7 +118,7 @@ view.prepare()
 view.finish(60.0)
 view.other = Viewport('/World/Side', {size})
 result = [settle()]
-light.Set(0.4)
+light.Set(2.0)
 result.append(settle())
 view.other.resize((56, 40))
 view.camera = '/World/Side'
@@ -135,13 +135,14 @@ result.append(pixels().tolist())
 def test_each_viewport_has_its_own_whole_picture(host, library, size):
     with host.open(scene(), SIZE, settings=QUICK) as view:
         first, edited, moved, closed = run(view, library, STEPS.format(size=size))
-    for what, (shown, others, mixed), intensity in (("first", first, None), ("edited", edited, 0.4)):
+    for what, (shown, others, mixed), intensity in (("first", first, None), ("edited", edited, 2.0)):
         same(shown, alone(host, "/World/Camera", SIZE, intensity), f"{what}: the engine's")
         same(others, alone(host, "/World/Side", size, intensity), f"{what}: the other one")
         assert mixed == 0, f"{what}: one was shown in the other {mixed} times"
-    side = alone(host, "/World/Side", SIZE, 0.4)
+    assert all(np.abs(np.subtract(a, b)).max() > 0.1 for a, b in zip(first[:2], edited[:2], strict=True)), "an edit"
+    side = alone(host, "/World/Side", SIZE, 2.0)
     same(moved[0], side, "the engine's with another camera")
-    same(moved[1], alone(host, "/World/Side", (56, 40), 0.4), "the other one, resized")
+    same(moved[1], alone(host, "/World/Side", (56, 40), 2.0), "the other one, resized")
     same(closed, side, "alone again")
 
 
