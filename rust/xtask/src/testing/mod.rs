@@ -67,6 +67,21 @@ struct TestGroup {
     is_long: bool,
 }
 
+/// A group that failed, with the end of what it said.
+#[derive(Debug)]
+struct FailedGroup {
+    name: String,
+    last_lines: Vec<String>,
+}
+
+impl FailedGroup {
+    /// Prints its last lines, so that they are at the end of a long log, where people look.
+    fn tell(&self) {
+        say(format_args!("{} failed; it ended with:", self.name));
+        self.last_lines.iter().for_each(|line| say(format_args!("[{}] {line}", self.name)));
+    }
+}
+
 /// Waiting groups, and whether more will come.
 #[derive(Debug, Default)]
 struct GroupQueue {
@@ -133,17 +148,19 @@ pub(crate) fn run(places: &RootFolders, interpreter: &PythonInterpreter, extent:
     });
     let failed = failed?;
     if !failed.is_empty() {
-        bail!("tests failed: {}", failed.join(", "));
+        failed.iter().for_each(FailedGroup::tell);
+        let names: Vec<&str> = failed.iter().map(|group| group.name.as_str()).collect();
+        bail!("tests failed: {}", names.join(", "));
     }
     built?;
     say("all tests passed");
     Ok(())
 }
 
-/// Runs groups, `workers` at a time; returns the names of those that failed.
-fn run_groups(queue: &GroupQueue, workers: usize) -> Result<Vec<String>> {
+/// Runs groups, `workers` at a time; returns those that failed.
+fn run_groups(queue: &GroupQueue, workers: usize) -> Result<Vec<FailedGroup>> {
     let durations = Mutex::new(Vec::new());
-    let work = || -> Result<Vec<String>> {
+    let work = || -> Result<Vec<FailedGroup>> {
         let mut failed = Vec::new();
         while let Some(mut group) = queue.next() {
             let started = Instant::now();
@@ -155,7 +172,7 @@ fn run_groups(queue: &GroupQueue, workers: usize) -> Result<Vec<String>> {
             say(format_args!("{}: {wall} s, {processor} s of processor time, {ending}", group.name));
             durations.lock().unwrap_or_else(PoisonError::into_inner).extend(ended.tests);
             if !passes {
-                failed.push(group.name);
+                failed.push(FailedGroup { name: group.name, last_lines: ended.last_lines });
             }
         }
         Ok(failed)
@@ -166,7 +183,7 @@ fn run_groups(queue: &GroupQueue, workers: usize) -> Result<Vec<String>> {
         ended.collect::<Result<Vec<_>>>()
     })?;
     tell_longest(durations.into_inner().unwrap_or_else(PoisonError::into_inner));
-    Ok(failed.concat())
+    Ok(failed.into_iter().flatten().collect())
 }
 
 fn tell_longest(mut tests: Vec<(Duration, String)>) {
@@ -208,7 +225,7 @@ mod tests {
         let file = std::env::temp_dir().join(format!("oocpt-groups-{}", std::process::id()));
         let last = format!("touch '{}'", file.display());
         let queue = GroupQueue::default();
-        queue.add(vec![group("a", "exit 0"), group("b", "exit 1")], false);
+        queue.add(vec![group("a", "exit 0"), group("b", "echo why; exit 1")], false);
         let failed = thread::scope(|scope| {
             let failed = scope.spawn(|| run_groups(&queue, 2));
             thread::sleep(Duration::from_millis(300));
@@ -216,8 +233,9 @@ mod tests {
             failed.join()
         });
         let mut failed = failed.unwrap().unwrap();
-        failed.sort();
-        assert_eq!(failed, ["b", "c"]);
+        failed.sort_by(|a, b| a.name.cmp(&b.name));
+        let said: Vec<_> = failed.iter().map(|group| (group.name.as_str(), group.last_lines.join("/"))).collect();
+        assert_eq!(said, [("b", "why".to_owned()), ("c", String::new())]);
         std::fs::remove_file(file).expect("the last one ran, too");
         assert!(run_groups(&queue, 2).unwrap().is_empty(), "nothing is left");
     }

@@ -2,6 +2,7 @@
 //! Processes that run beside others: their output is printed in whole marked lines, one that hangs is killed, and each
 //! test's processor time is measured by its line, so that what runs beside it does not count.
 
+use std::collections::VecDeque;
 use std::fs;
 use std::io::{Read as _, Write as _};
 use std::process::{Command, Stdio};
@@ -15,6 +16,9 @@ use crate::process::say;
 
 /// The end or beginning of the line in which libtest and pytest report a finished test.
 const OF_A_TEST: [&str; 4] = [" ... ok\n", " ... FAILED\n", " PASSED", " FAILED"];
+
+/// Number of lines of a process that are kept: what libtest and pytest say of their failed tests ends with such.
+const LAST_LINES: usize = 60;
 
 /// The settings for watching a process.
 #[derive(Clone, Copy, Debug)]
@@ -33,6 +37,8 @@ pub(super) type TimedTest = (Duration, String);
 pub(super) struct EndedProcess {
     /// -1 if a signal ended it.
     pub(super) status: i32,
+    /// Its last lines, without the mark.
+    pub(super) last_lines: Vec<String>,
     /// Its tests, which ran one after the other.
     pub(super) tests: Vec<TimedTest>,
     /// Of the process and of those that it waited for.
@@ -67,6 +73,7 @@ impl WatchedProcess<'_> {
             }
         });
         let (mut begun, mut tests, mut last) = (Vec::new(), Vec::new(), Duration::ZERO);
+        let mut last_lines = VecDeque::new();
         loop {
             match receiver.recv_timeout(self.patience) {
                 Ok(chunk) => {
@@ -74,7 +81,10 @@ impl WatchedProcess<'_> {
                     let whole = begun.iter().rposition(|byte| *byte == b'\n').map_or(0, |end| end + 1);
                     let lines: Vec<u8> = begun.drain(..whole).collect();
                     self.print(&lines)?;
-                    for test in String::from_utf8_lossy(&lines).split_inclusive('\n').filter_map(test_of) {
+                    let lines = String::from_utf8_lossy(&lines);
+                    last_lines.extend(lines.lines().map(str::to_owned));
+                    last_lines.drain(..last_lines.len().saturating_sub(LAST_LINES));
+                    for test in lines.split_inclusive('\n').filter_map(test_of) {
                         let now = processor_time(child.id()).unwrap_or(last);
                         tests.push((now.saturating_sub(last), format!("{}{test}", self.mark)));
                         last = now;
@@ -90,9 +100,10 @@ impl WatchedProcess<'_> {
             }
         }
         self.print(&begun)?;
+        last_lines.extend(String::from_utf8_lossy(&begun).lines().map(str::to_owned));
         let processor_time = processor_time(child.id()).unwrap_or(last);
         let status = child.wait().context("lost the child")?.code().unwrap_or(-1);
-        Ok(EndedProcess { status, tests, processor_time })
+        Ok(EndedProcess { status, last_lines: last_lines.into(), tests, processor_time })
     }
 
     fn print(self, bytes: &[u8]) -> Result<()> {
@@ -143,6 +154,13 @@ mod tests {
         assert_eq!(status(shell("echo out; echo err >&2; exit 3")).unwrap(), 3, "of the shell");
         assert_eq!(status(shell("kill -9 $$")).unwrap(), -1, "a signal");
         assert!(status(Command::new("/no such program")).is_err(), "it cannot be started");
+    }
+
+    #[test]
+    fn the_last_lines_of_a_child_are_kept() {
+        let lines = watched(60).run(&mut shell("seq 70; printf err >&2")).unwrap().last_lines;
+        assert!(lines.len() >= LAST_LINES && lines[0] != "1", "not all: {lines:?}");
+        assert_eq!(lines[lines.len() - 2..], ["70", "err"]);
     }
 
     #[test]
