@@ -428,7 +428,8 @@ uint64_t HdOocPTSession::ReadAov(
         _impl->Try([&] {
             const rust::Slice<uint8_t> bytes(static_cast<uint8_t*>(destination), byteCount);
             const auto read = [&] { return (*_impl->session)->read_aov(_Str(name.GetString()), known, bytes); };
-            version = _impl->turns.Read(viewport, [this] { return _impl->FindJobs(); }, read);
+            version = _impl->turns.Read(
+                viewport, [this] { return _impl->FindJobs(); }, read);
         });
     }
     return version;

@@ -134,12 +134,13 @@ public:
     bool IsPaused() const;
     bool IsStopped() const;
 
-    /// Copies the viewport's newest resolved image of an AOV into destination: tightly packed, bottom row first, in the AOV's own
-    /// format (color f32x4; depth, cameraDepth, sampleCount f32; primId, instanceId, elementId i32; normal, Neye,
-    /// albedo, motion f32x3). An image whose version is `known` is not copied again: destination must hold it. Returns
-    /// the version of the image in destination; 0, destination untouched, if there is none yet, the name is unknown,
-    /// the size differs, or another viewport has its turn.
-    uint64_t ReadAov(const void* viewport, const TfToken& name, uint64_t known, void* destination, size_t byteCount) const;
+    /// Copies the viewport's newest resolved image of an AOV into destination: tightly packed, bottom row first, in the
+    /// AOV's own format (color f32x4; depth, cameraDepth, sampleCount f32; primId, instanceId, elementId i32; normal,
+    /// Neye, albedo, motion f32x3). An image whose version is `known` is not copied again: destination must hold it.
+    /// Returns the version of the image in destination; 0, destination untouched, if there is none yet, the name is
+    /// unknown, the size differs, or another viewport has its turn.
+    uint64_t ReadAov(
+        const void* viewport, const TfToken& name, uint64_t known, void* destination, size_t byteCount) const;
 
     /// GetRenderStats() of the delegate, with the keys that hosts read.
     VtDictionary GetStats() const;

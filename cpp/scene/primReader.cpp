@@ -25,11 +25,9 @@ void _ReadInstancedBy(const HdOocPTPrimSource& source, HdOocPTPrimState* state)
     const VtArray<SdfPath>& instancers = paths.UncheckedGet<VtArray<SdfPath>>();
     const VtArray<SdfPath> roots = HdOocPTRead(source.container, { tokens.instancedBy, tokens.prototypeRoots })
                                        .GetWithDefault<VtArray<SdfPath>>();
-    // A scene delegate lists each prim as a prototype of its own. It names no roots, and OpenUSD 26.03 takes a child of
-    // the instancer for one.
-    const bool hasRoots = !roots.empty() && !HdOocPTFind(source.container, { tokens.sceneDelegate });
     for (size_t i = 0; i < instancers.size(); ++i) {
-        const SdfPath& root = hasRoots && i < roots.size() && !roots[i].IsEmpty() ? roots[i] : source.path;
+        // A scene delegate lists each prim as a prototype of its own and names no roots.
+        const SdfPath& root = i < roots.size() && !roots[i].IsEmpty() ? roots[i] : source.path;
         if (!instancers[i].IsEmpty()) {
             state->instancedBy.emplace_back(instancers[i], root);
         }

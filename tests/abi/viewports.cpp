@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// A second viewport in the render index of an engine, with a render pass and buffers of its own, which OpenUSD's Python
-/// cannot make. Driven by tests/hydra/test_viewports.py, on the thread of the engine.
+/// A second viewport in the render index of an engine, with a render pass and buffers of its own, which OpenUSD's
+/// Python cannot make. Driven by tests/hydra/test_viewports.py, on the thread of the engine.
 #include "pxr/base/gf/vec3i.h"
 #include "pxr/imaging/hd/camera.h"
 #include "pxr/imaging/hd/renderBuffer.h"

@@ -195,7 +195,7 @@ def test_color_spaces_by_name(host, tmp_path, source, metadata, expected):
     shown = colored(host, tmp_path, "./a.png", source, metadata)
     is_quiet(shown)
     if source == "auto" and host.scene_index and Usd.GetVersion() >= (0, 26, 3):
-        # A fault of the host: a `sourceColorSpace` that is authored replaces the file's metadata, also where it is auto.
+        # A fault of the host: a `sourceColorSpace` that is authored replaces the metadata of the file, also `auto`.
         expected = decoded
     np.testing.assert_allclose(shown["albedo"], expected(pale()[::-1]), atol=4e-3)
 

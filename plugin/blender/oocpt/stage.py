@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Corrects the USD stage that Blender exports for OocPT: what Blender 5.0's exporter leaves out or states otherwise
+"""Corrects the USD stage that Blender exports for OocPT: what Blender's exporter leaves out or states otherwise
 than USD defines it. A `USDHook`, which Blender calls at the end of every export, and which leaves those alone that are
 not for this engine."""
 
