@@ -385,7 +385,7 @@ void HdOocPTSceneReader::_ReadJob(_Job* job, const PrimIdLookup& primIdOf, HdOoc
             record.instancer = std::make_unique<HdOocPTInstancerState>();
             source.dirtyBits = HdOocPTDirtyAll;
         }
-        HdOocPTReadInstancer(source, record.instancer.get());
+        HdOocPTReadInstancer(*_scene, source, record.instancer.get());
         if (source.dirtyBits & (HdOocPTDirtyCategories | HdOocPTDirtyInstances | HdOocPTDirtyInstancedBy)) {
             record.instancer->links = _links.IsEmpty()
                 ? HdOocPTInstanceLinks()

@@ -146,6 +146,7 @@ pub(crate) fn pack_for_blender(places: &RootFolders, interpreter: &PythonInterpr
     pack.arg("-I").arg(places.repo.join("plugin/blender/pack.py"));
     pack.arg("--plugin").arg(places.wheel_build().join("plugin"));
     pack.arg("--out").arg(places.repo.join("build/dist"));
+    pack.args(["--openusd", places.wheel.usd, "--bpy", places.wheel.bpy]);
     run(&mut pack)
 }
 
