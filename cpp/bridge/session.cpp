@@ -5,6 +5,7 @@
 #include "bridge/productDesc.h"
 #include "bridge/renderDesc.h"
 #include "bridge/scalar.h"
+#include "bridge/turns.h"
 #include "oocpt-bridge/src/ffi_runner.rs.h"
 #include "oocpt-bridge/src/lib.rs.h"
 #include "pxr/base/tf/diagnostic.h"
@@ -69,6 +70,8 @@ public:
     void ForwardNames(const rust::Vec<oocpt::ProductDesc>& products);
     bool IsAnySet(std::initializer_list<TfToken> switches) const;
     bool IsStill() const;
+    bool IsConverged();
+    HdOocPTTurns::Jobs FindJobs();
 
     std::optional<rust::Box<oocpt::Session>> session;
     std::unique_ptr<HdOocPTSceneReader> reader;
@@ -82,6 +85,7 @@ public:
     /// The primvars that were read to name what Cryptomatte layers show, and the revision of the scene then.
     std::vector<std::string> naming;
     uint64_t namingRevision = 0;
+    HdOocPTTurns turns;
 
     /// Guards the members that follow.
     std::mutex mutex;
@@ -189,6 +193,36 @@ bool HdOocPTSession::_Impl::IsStill() const
     return IsAnySet({ HdOocPTSceneTokens->disableMotionBlur, HdOocPTSceneTokens->instantaneousShutter });
 }
 
+bool HdOocPTSession::_Impl::IsConverged()
+{
+    // A session that throws will make no progress either: a host must not wait for it.
+    bool converged = true;
+    if (session) {
+        Try([&] { converged = (*session)->is_converged(); });
+    }
+    return converged;
+}
+
+HdOocPTTurns::Jobs HdOocPTSession::_Impl::FindJobs()
+{
+    HdOocPTTurns::Jobs jobs;
+    if (session) {
+        Try([&] {
+            for (const oocpt::NamedValue& entry : (*session)->stats()) {
+                const std::string key(entry.key);
+                if (key == "oocpt:job") {
+                    jobs.newest = static_cast<uint64_t>(entry.value.integer);
+                } else if (key == "oocpt:shownJob") {
+                    jobs.shown = static_cast<uint64_t>(entry.value.integer);
+                } else if (key == "oocpt:commitPending") {
+                    jobs.isCommitPending = entry.value.flag;
+                }
+            }
+        });
+    }
+    return jobs;
+}
+
 HdOocPTSession::HdOocPTSession()
     : _impl(std::make_unique<_Impl>())
 {
@@ -233,6 +267,10 @@ void HdOocPTSession::CommitScene(const SdfPath& camera)
         for (int round = 0; round < 2 && reader.HasChanges(); ++round) {
             oocpt::SceneEdits edits {};
             reader.Read(_impl->primIdLookup, &edits, &_impl->warnings);
+            if (camera.IsEmpty()) {
+                // A pass that names its camera may have another shutter, which concerns no other viewport.
+                _impl->turns.Restart();
+            }
             (*_impl->session)->apply_edits(std::move(edits));
             _impl->ForwardPrimSettings();
             reader.SetMotionBlur(!reader.IsMotionDisabled() && !_impl->IsStill(), &_impl->warnings);
@@ -248,6 +286,7 @@ void HdOocPTSession::SetSetting(const TfToken& key, const VtValue& value)
     } else {
         _impl->hostSettings[key] = value;
     }
+    _impl->turns.Restart();
     if (_impl->primSettings.count(key) == 0) {
         _impl->ForwardSetting(key, value);
     }
@@ -304,14 +343,34 @@ void HdOocPTSession::Render(const HdOocPTRenderRequest& request)
     _impl->warnings.Post();
 }
 
-bool HdOocPTSession::IsConverged() const
+bool HdOocPTSession::IsConverged(const void* viewport) const
 {
-    // A session that throws will make no progress either: a host must not wait for it.
-    bool converged = true;
-    if (_impl->session) {
-        _impl->Try([&] { converged = (*_impl->session)->is_converged(); });
-    }
-    return converged;
+    return _impl->turns.IsFinal(viewport, _impl->IsConverged());
+}
+
+void HdOocPTSession::AddBuffer(const void* viewport, const void* buffer, std::function<bool()> keep)
+{
+    _impl->turns.AddBuffer(viewport, buffer, std::move(keep));
+}
+
+void HdOocPTSession::RemoveBuffer(const void* buffer)
+{
+    _impl->turns.RemoveBuffer(buffer);
+}
+
+bool HdOocPTSession::TakeTurn(const HdOocPTRenderRequest& request)
+{
+    bool isTaken = true;
+    _impl->Try([&] {
+        const HdOocPTLens lens = _impl->reader ? _impl->reader->GetLens(request.cameraPath) : HdOocPTLens {};
+        isTaken = _impl->turns.Take(request, lens, _impl->IsConverged(), [this] { return _impl->FindJobs(); });
+    });
+    return isTaken;
+}
+
+bool HdOocPTSession::IsWaiting(const void* viewport) const
+{
+    return _impl->turns.IsWaiting(viewport);
 }
 
 void HdOocPTSession::Pause()
@@ -337,6 +396,7 @@ void HdOocPTSession::Stop(bool blocking)
 
 void HdOocPTSession::Restart()
 {
+    _impl->turns.Restart();
     if (_impl->session) {
         _impl->Try([this] { (*_impl->session)->restart(); });
     }
@@ -360,13 +420,16 @@ bool HdOocPTSession::IsStopped() const
     return stopped;
 }
 
-uint64_t HdOocPTSession::ReadAov(const TfToken& name, uint64_t known, void* destination, size_t byteCount) const
+uint64_t HdOocPTSession::ReadAov(
+    const void* viewport, const TfToken& name, uint64_t known, void* destination, size_t byteCount) const
 {
     uint64_t version = 0;
     if (_impl->session && destination) {
         _impl->Try([&] {
             const rust::Slice<uint8_t> bytes(static_cast<uint8_t*>(destination), byteCount);
-            version = (*_impl->session)->read_aov(_Str(name.GetString()), known, bytes);
+            const auto read = [&] { return (*_impl->session)->read_aov(_Str(name.GetString()), known, bytes); };
+            version = _impl->turns.Read(
+                viewport, [this] { return _impl->FindJobs(); }, read);
         });
     }
     return version;

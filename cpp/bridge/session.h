@@ -33,6 +33,8 @@ struct HdOocPTAovRequest
 /// out.
 struct HdOocPTRenderRequest
 {
+    /// What tells viewports of one delegate apart: the first buffer that the pass binds.
+    const void* viewport = nullptr;
     /// Size of the render buffers in pixels.
     int width = 0;
     int height = 0;
@@ -103,14 +105,27 @@ public:
 
     std::vector<HdOocPTSettingDescriptor> GetSettingDescriptors() const;
 
+    // ---- viewports (HdOocPTTurns) ----
+
+    /// Has `keep` called before another viewport gets the turn, while the buffer is known.
+    void AddBuffer(const void* viewport, const void* buffer, std::function<bool()> keep);
+    void RemoveBuffer(const void* buffer);
+
+    /// Returns true if this image is to be rendered now, and false while the picture of another viewport is, or if this
+    /// one is final.
+    bool TakeTurn(const HdOocPTRenderRequest& request);
+
+    /// Returns true if the session renders for another viewport than this one.
+    bool IsWaiting(const void* viewport) const;
+
     // ---- rendering ----
 
     /// Asks for this image of the scene as it was read. Returns at once; restarts only if scene, camera, AOVs or
     /// settings changed since the last request.
     void Render(const HdOocPTRenderRequest& request);
 
-    /// Returns true if the latest image is final and resolved, or if rendering ended for good (error, stop).
-    bool IsConverged() const;
+    /// Returns true if the viewport's latest image is final and resolved, or if rendering ended for good (error, stop).
+    bool IsConverged(const void* viewport) const;
 
     void Pause();
     void Resume();
@@ -119,12 +134,13 @@ public:
     bool IsPaused() const;
     bool IsStopped() const;
 
-    /// Copies the newest resolved image of an AOV into destination: tightly packed, bottom row first, in the AOV's own
-    /// format (color f32x4; depth, cameraDepth, sampleCount f32; primId, instanceId, elementId i32; normal, Neye,
-    /// albedo, motion f32x3). An image whose version is `known` is not copied again: destination must hold it. Returns
-    /// the version of the image in destination; 0, destination untouched, if there is none yet, the name is unknown or
-    /// the size differs.
-    uint64_t ReadAov(const TfToken& name, uint64_t known, void* destination, size_t byteCount) const;
+    /// Copies the viewport's newest resolved image of an AOV into destination: tightly packed, bottom row first, in the
+    /// AOV's own format (color f32x4; depth, cameraDepth, sampleCount f32; primId, instanceId, elementId i32; normal,
+    /// Neye, albedo, motion f32x3). An image whose version is `known` is not copied again: destination must hold it.
+    /// Returns the version of the image in destination; 0, destination untouched, if there is none yet, the name is
+    /// unknown, the size differs, or another viewport has its turn.
+    uint64_t ReadAov(
+        const void* viewport, const TfToken& name, uint64_t known, void* destination, size_t byteCount) const;
 
     /// GetRenderStats() of the delegate, with the keys that hosts read.
     VtDictionary GetStats() const;

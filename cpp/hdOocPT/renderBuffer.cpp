@@ -40,14 +40,22 @@ HdOocPTRenderBuffer::HdOocPTRenderBuffer(SdfPath const& id, std::shared_ptr<HdOo
 {
 }
 
-HdOocPTRenderBuffer::~HdOocPTRenderBuffer() = default;
-
-void HdOocPTRenderBuffer::Bind(HdOocPTAov const* aov, VtValue const& clearValue)
+HdOocPTRenderBuffer::~HdOocPTRenderBuffer()
 {
+    HdOocPTGuard("destroying a render buffer", [this] { _session->RemoveBuffer(this); });
+}
+
+void HdOocPTRenderBuffer::Bind(void const* viewport, HdOocPTAov const* aov, VtValue const& clearValue)
+{
+    if (_Viewport() != viewport) {
+        // Before the lock: whoever takes the turn has the session's locks when it asks the buffer to keep its picture.
+        _session->AddBuffer(viewport, this, [this] { return _CopyLatest(); });
+    }
     std::lock_guard<std::mutex> const lock(_mutex);
     // Hosts bind buffers at every execution, and read few of the images that they bind, so the others stay as they were
     // filled.
     bool const isFilled = _isFilled && _clearValue == clearValue;
+    _viewport = viewport;
     if (_isBound && _aov == aov && (_holdsImage || _isStretched || isFilled)) {
         return;
     }
@@ -192,11 +200,19 @@ bool HdOocPTRenderBuffer::IsConverged() const
     return HdOocPTGuard("asking a render buffer for convergence", true, [this] {
         // The session is asked before its messages are drained: a fatal one is queued before the session says
         // converged.
-        bool const isFinal = _session->IsConverged();
-        bool const isUpToDate = isFinal && (_CopyLatest() || _HoldsNewest());
+        void const* const viewport = _Viewport();
+        bool const isFinal = _session->IsConverged(viewport);
+        // Where another viewport has the turn, the buffer took the final picture before that.
+        bool const isUpToDate = isFinal && (_session->IsWaiting(viewport) || _CopyLatest() || _HoldsNewest());
         _session->DrainMessages();
         return isUpToDate || !_IsBound();
     });
+}
+
+void const* HdOocPTRenderBuffer::_Viewport() const
+{
+    std::lock_guard<std::mutex> const lock(_mutex);
+    return _viewport;
 }
 
 bool HdOocPTRenderBuffer::_IsBound() const
@@ -226,7 +242,7 @@ bool HdOocPTRenderBuffer::_HoldsNewest() const
     }
     // Where the session has a newer picture it is copied here, not to where the host looks.
     _unconverted.resize(_PixelCount() * HdDataSizeOfFormat(_aov->format));
-    return _session->ReadAov(_aov->name, _version, _unconverted.data(), _unconverted.size()) == _version;
+    return _session->ReadAov(_viewport, _aov->name, _version, _unconverted.data(), _unconverted.size()) == _version;
 }
 
 bool HdOocPTRenderBuffer::_ReadFrom(HdOocPTAov const& aov) const
@@ -238,7 +254,7 @@ bool HdOocPTRenderBuffer::_ReadFrom(HdOocPTAov const& aov) const
         _unconverted.resize(_PixelCount() * HdDataSizeOfFormat(aov.format));
     }
     std::vector<unsigned char>& pixels = isConverted ? _unconverted : _pixels;
-    uint64_t const version = _session->ReadAov(aov.name, known, pixels.data(), pixels.size());
+    uint64_t const version = _session->ReadAov(_viewport, aov.name, known, pixels.data(), pixels.size());
     bool const isNew = version != 0 && version != known;
     if (isNew && isConverted
         && !HdOocPTConvertPixels(_unconverted.data(), aov.format, _pixels.data(), _format, _PixelCount())) {

@@ -36,7 +36,7 @@ public:
 
     /// Says which output this buffer shows; null is an output that OocPT does not make: the buffer keeps the clear
     /// value. The buffer is cleared when the output changes, or when there is no image to show.
-    void Bind(HdOocPTAov const* aov, VtValue const& clearValue);
+    void Bind(void const* viewport, HdOocPTAov const* aov, VtValue const& clearValue);
 
     /// Refuses, with an error and an empty buffer, sizes that are negative, deep, or beyond the limits of one image. An
     /// image of another size is stretched over the buffer until there is one of this size.
@@ -67,6 +67,7 @@ protected:
 private:
     /// Copies the newest image unless the buffer is mapped. Returns true if the buffer then holds the newest state.
     bool _CopyLatest() const;
+    void const* _Viewport() const;
     /// Returns true if the session has no newer image than the buffer.
     bool _HoldsNewest() const;
     bool _IsBound() const;
@@ -93,6 +94,8 @@ private:
     /// The version of the image that it holds.
     mutable uint64_t _version = 0;
     HdOocPTAov const* _aov = nullptr;
+    /// That of the pass that binds it.
+    void const* _viewport = nullptr;
     bool _isBound = false;
     unsigned int _width = 0;
     unsigned int _height = 0;

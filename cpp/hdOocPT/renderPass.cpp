@@ -13,7 +13,7 @@
 
 PXR_NAMESPACE_OPEN_SCOPE
 
-TF_DEFINE_PRIVATE_TOKENS(_tokens, (renderBuffer));
+TF_DEFINE_PRIVATE_TOKENS(_primTypeTokens, (renderBuffer));
 
 HdOocPTRenderPass::HdOocPTRenderPass(
     HdRenderIndex* index, HdRprimCollection const& collection, std::shared_ptr<HdOocPTSession> session)
@@ -29,10 +29,10 @@ bool HdOocPTRenderPass::IsConverged() const
     return HdOocPTGuard("asking the render pass for convergence", true, [this] {
         // This comes first: a fatal message is queued before the session says converged, so draining after it loses
         // none.
-        bool const isConverged = !_hasRequest || _session->IsConverged();
+        bool const isConverged = !_hasRequest || _session->IsConverged(_viewport);
         _session->DrainMessages();
         if (!isConverged) {
-            _pace.Hold([this] { return _session->IsConverged(); });
+            _pace.Hold([this] { return _session->IsConverged(_viewport); });
         }
         return isConverged;
     });
@@ -42,16 +42,16 @@ void HdOocPTRenderPass::_Execute(HdRenderPassStateSharedPtr const& renderPassSta
 {
     HdOocPTGuard("executing the render pass", [&] {
         HdCamera const* const camera = renderPassState->GetCamera();
-        _session->CommitScene(camera ? camera->GetId() : SdfPath());
         HdOocPTRenderRequest request;
+        request.cameraPath = camera ? camera->GetId() : SdfPath();
         _hasRequest = _BindAovs(renderPassState->GetAovBindings(), &request);
+        _viewport = request.viewport;
         if (_hasRequest) {
             CameraUtilFraming const& framing = renderPassState->GetFraming();
             if (framing.IsValid()) {
                 request.dataWindow = framing.dataWindow;
                 request.displayWindow = framing.displayWindow;
             }
-            request.cameraPath = camera ? camera->GetId() : SdfPath();
             request.worldToView = renderPassState->GetWorldToViewMatrix();
             request.projection = renderPassState->GetProjectionMatrix();
             request.renderTags = renderTags;
@@ -59,6 +59,11 @@ void HdOocPTRenderPass::_Execute(HdRenderPassStateSharedPtr const& renderPassSta
                 _worldToView = request.worldToView;
                 _pace.Restart();
             }
+        }
+        if (!_hasRequest || _session->TakeTurn(request)) {
+            _session->CommitScene(request.cameraPath);
+        }
+        if (_hasRequest && !_session->IsWaiting(_viewport)) {
             _session->Render(request);
         }
         _session->DrainMessages();
@@ -72,9 +77,12 @@ bool HdOocPTRenderPass::_BindAovs(HdRenderPassAovBindingVector const& bindings, 
         if (!buffer) {
             continue;
         }
+        if (!request->viewport) {
+            request->viewport = buffer;
+        }
         TfToken const name = HdOocPTAovName(binding);
         HdOocPTAov const* const aov = HdOocPTFindAov(name);
-        buffer->Bind(aov, binding.clearValue);
+        buffer->Bind(request->viewport, aov, binding.clearValue);
         int const width = static_cast<int>(buffer->GetWidth());
         int const height = static_cast<int>(buffer->GetHeight());
         if (!aov || width == 0 || height == 0) {
@@ -97,7 +105,7 @@ HdRenderBuffer* HdOocPTRenderPass::_FindBuffer(HdRenderPassAovBinding const& bin
     if (binding.renderBuffer || !GetRenderIndex()) {
         return binding.renderBuffer;
     }
-    HdBprim* const bprim = GetRenderIndex()->GetBprim(_tokens->renderBuffer, binding.renderBufferId);
+    HdBprim* const bprim = GetRenderIndex()->GetBprim(_primTypeTokens->renderBuffer, binding.renderBufferId);
     return static_cast<HdRenderBuffer*>(bprim);
 }
 

@@ -15,6 +15,7 @@
 PXR_NAMESPACE_OPEN_SCOPE
 
 /// Executing is cheap and returns at once; the session restarts the image only when the request or the scene changed.
+/// Passes that bind other buffers are other viewports, whose pictures are rendered one after the other.
 /// Without bound outputs the pass does nothing and is converged. Threads: IsConverged any, the rest the host's only.
 class HdOocPTRenderPass final : public HdRenderPass
 {
@@ -38,6 +39,8 @@ private:
 
     std::shared_ptr<HdOocPTSession> const _session;
     std::atomic<bool> _hasRequest { false };
+    /// That of the last request.
+    std::atomic<void const*> _viewport { nullptr };
     GfMatrix4d _worldToView { 1.0 };
     mutable HdOocPTHostPace _pace;
 };

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "scene/instancerReader.h"
 
+#include "bridge/text.h"
 #include "oocpt-bridge/src/lib.rs.h"
 #include "pxr/base/vt/array.h"
 #include "scene/dataSource.h"
@@ -22,7 +23,24 @@ VtValue _UnlessEmpty(const VtValue& array)
     return array.GetArraySize() == 0 ? VtValue() : array;
 }
 
-void _ReadTopology(const HdOocPTPrimSource& source, HdOocPTInstancerState* state)
+/// The root of a prototype as its prims name it. Blender 5.2 lists the meshes below the roots instead.
+SdfPath _FindRoot(const HdSceneIndexBase& scene, const SdfPath& instancer, const SdfPath& listed)
+{
+    if (listed.GetParentPath() == instancer || !listed.HasPrefix(instancer)) {
+        return listed;
+    }
+    const auto& tokens = *HdOocPTSceneTokens;
+    const HdContainerDataSourceHandle prim = scene.GetPrim(listed).dataSource;
+    const auto read = [&](const TfToken& name) {
+        return HdOocPTRead(prim, { tokens.instancedBy, name }).GetWithDefault<VtArray<SdfPath>>();
+    };
+    const VtArray<SdfPath> instancers = read(tokens.paths);
+    const VtArray<SdfPath> roots = read(tokens.prototypeRoots);
+    const size_t at = std::find(instancers.cbegin(), instancers.cend(), instancer) - instancers.cbegin();
+    return at < roots.size() && at < instancers.size() && !roots[at].IsEmpty() ? roots[at] : listed;
+}
+
+void _ReadTopology(const HdSceneIndexBase& scene, const HdOocPTPrimSource& source, HdOocPTInstancerState* state)
 {
     const auto& tokens = *HdOocPTSceneTokens;
     state->prototypes.clear();
@@ -47,7 +65,7 @@ void _ReadTopology(const HdOocPTPrimSource& source, HdOocPTInstancerState* state
     for (size_t i = 0; i < roots.size(); ++i) {
         if (i >= count) {
             // The new front end has indices up to the last prototype that some instance shows.
-            state->prototypes.emplace_back(roots[i], VtValue(VtArray<int>()));
+            state->prototypes.emplace_back(_FindRoot(scene, source.path, roots[i]), VtValue(VtArray<int>()));
             continue;
         }
         std::string reason;
@@ -56,11 +74,15 @@ void _ReadTopology(const HdOocPTPrimSource& source, HdOocPTInstancerState* state
         if (!reason.empty()) {
             source.warnings->Add(source.path, "instanceIndices of " + roots[i].GetString() + " " + reason);
         }
-        state->prototypes.emplace_back(roots[i], numbers);
+        state->prototypes.emplace_back(_FindRoot(scene, source.path, roots[i]), numbers);
     }
     // A scene delegate lists its prototypes in the order of a hash map.
     std::sort(state->prototypes.begin(), state->prototypes.end(),
         [](const auto& a, const auto& b) { return a.first < b.first; });
+    // Meshes of one root have the same instances.
+    const auto isSame = [](const auto& a, const auto& b) { return a.first == b.first; };
+    state->prototypes.erase(
+        std::unique(state->prototypes.begin(), state->prototypes.end(), isSame), state->prototypes.end());
 }
 
 void _ReadPlacement(const HdOocPTPrimSource& source, HdOocPTInstancerState* state)
@@ -77,7 +99,7 @@ void _ReadPlacement(const HdOocPTPrimSource& source, HdOocPTInstancerState* stat
 
 } // namespace
 
-void HdOocPTReadInstancer(const HdOocPTPrimSource& source, HdOocPTInstancerState* state)
+void HdOocPTReadInstancer(const HdSceneIndexBase& scene, const HdOocPTPrimSource& source, HdOocPTInstancerState* state)
 {
     const auto& tokens = *HdOocPTSceneTokens;
     HdOocPTPrimSource prim = source;
@@ -88,7 +110,7 @@ void HdOocPTReadInstancer(const HdOocPTPrimSource& source, HdOocPTInstancerState
     }
     HdOocPTReadPrim(prim, &state->prim);
     if (source.dirtyBits & HdOocPTDirtyInstances) {
-        _ReadTopology(source, state);
+        _ReadTopology(scene, source, state);
     }
     if (source.dirtyBits & HdOocPTDirtyInstancePrimvars) {
         _ReadPlacement(source, state);
@@ -111,7 +133,7 @@ oocpt::InstancerDesc HdOocPTDescribeInstancer(const SdfPath& path, const HdOocPT
     HdOocPTFillPrim(path, state.prim, &desc.prim);
     desc.prototypes.reserve(state.prototypes.size());
     for (const auto& [root, indices] : state.prototypes) {
-        desc.prototypes.push_back({ rust::String::lossy(root.GetString()), HdOocPTHoldArray(indices) });
+        desc.prototypes.push_back({ HdOocPTText(root), HdOocPTHoldArray(indices) });
     }
     desc.mask = HdOocPTHoldArray(state.mask);
     desc.translations = HdOocPTHoldArray(state.translations);
@@ -122,7 +144,7 @@ oocpt::InstancerDesc HdOocPTDescribeInstancer(const SdfPath& path, const HdOocPT
     desc.primvars = HdOocPTDescribePrimvars(state.primvars);
     for (const TfTokenVector& set : state.links.sets) {
         for (const TfToken& category : set) {
-            desc.link_names.push_back(rust::String::lossy(category.GetString()));
+            desc.link_names.push_back(HdOocPTText(category));
         }
         desc.link_sizes.push_back(static_cast<uint32_t>(set.size()));
     }

@@ -36,7 +36,7 @@ struct HdOocPTInstancerState
 };
 
 /// Reads the dirty parts of an instancer.
-void HdOocPTReadInstancer(const HdOocPTPrimSource& source, HdOocPTInstancerState* state);
+void HdOocPTReadInstancer(const HdSceneIndexBase& scene, const HdOocPTPrimSource& source, HdOocPTInstancerState* state);
 
 /// Describes the instancer for Rust.
 oocpt::InstancerDesc HdOocPTDescribeInstancer(const SdfPath& path, const HdOocPTInstancerState& state);

@@ -10,7 +10,7 @@ PXR_NAMESPACE_OPEN_SCOPE
 
 TF_DEFINE_PRIVATE_TOKENS(_unsupported,
     /* geometry */
-    (nurbsCurves)(nurbsPatch)(tetMesh)(volume)
+    (nurbsCurves)(nurbsPatch)(tetMesh)(volume)(particleField)
     /* lights */
     (geometryLight)(meshLight)(pluginLight)(portalLight)(lightFilter)
     /* implicit shapes that no filter has turned into meshes */

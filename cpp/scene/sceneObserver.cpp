@@ -56,6 +56,10 @@ std::vector<_Row> _MakeTable()
         { HdDataSourceLocator(tokens.categories), HdOocPTDirtyCategories },
         { HdDataSourceLocator(tokens.instanceCategories), HdOocPTDirtyCategories },
         { HdDataSourceLocator(tokens.renderSettings), HdOocPTDirtySettings },
+        // OpenUSD 26.03 names what a filter makes the settings of, and not what it makes.
+        { HdDataSourceLocator(tokens.usdRenderSettings), HdOocPTDirtySettings },
+        { HdDataSourceLocator(tokens.usdRenderProduct), HdOocPTDirtySettings },
+        { HdDataSourceLocator(tokens.usdRenderVar), HdOocPTDirtySettings },
         { HdDataSourceLocator(tokens.sceneGlobals), HdOocPTDirtySettings },
     };
     for (const TfToken& label : HdOocPTLabelTokens->allTokens) {

@@ -69,6 +69,8 @@ PXR_NAMESPACE_OPEN_SCOPE
     /* render settings */                                                                                             \
     (namespacedSettings)(active)(sceneGlobals)(activeRenderSettingsPrim)(includedPurposes)(materialBindingPurposes)   \
     (renderingColorSpace)(lin_rec709)(lin_rec709_scene)(dataWindowNDC)                                                               \
+    ((usdRenderSettings, "__usdRenderSettings"))((usdRenderProduct, "__usdRenderProduct"))                            \
+    ((usdRenderVar, "__usdRenderVar"))                                                                                \
     /* purposes and render tags */                                                                                    \
     (geometry)((defaultPurpose, "default"))(render)(proxy)(guide)
 

@@ -297,7 +297,7 @@ def unseen():
     plane(dull("Roof", (0.5, 0.5, 0.5)), size=8, location=(-6, 0, 12))
     lamp("SUN", (0, 0, 15), 1.0)
     scene.render.film_transparent = True
-    return render_both("unseen", 16)
+    return render_both("unseen", 64)
 
 
 def edits():
@@ -426,7 +426,8 @@ def _break_flag():
     """Where Blender notes that the user wants to stop: `G.is_break`, which only keys of a window set."""
     library = str(pathlib.Path(blender) / "bpy/__init__.so")
     symbols = subprocess.run(["nm", library], check=True, capture_output=True, text=True).stdout
-    offset = int(re.search(r"^(\w+) b G$", symbols, re.MULTILINE)[1], 16)
+    # In a namespace since 5.2.
+    offset = int(re.search(r"^(\w+) b (?:G|_ZN7blender1GE)$", symbols, re.MULTILINE)[1], 16)
     maps = pathlib.Path("/proc/self/maps").read_text()
     start = int(re.search(rf"^(\w+)-\w+ \S+ 00000000 .*{re.escape(library)}$", maps, re.MULTILINE)[1], 16)
     return ctypes.c_bool.from_address(start + offset + 0xC20)

@@ -16,8 +16,9 @@ NOT_NEEDED = ("/addons_core/cycles/lib/", "/datafiles/fonts/Noto", "/datafiles/l
 @pytest.fixture(scope="session")
 def blender(tmp_path_factory):
     """The folder of Blender's Python module."""
-    downloads = pathlib.Path(os.environ["OOCPT_HOST_ROOT"]).parent / "downloads"
-    (wheel,) = downloads.glob("bpy-5.0.1-*.whl")
+    root = pathlib.Path(os.environ["OOCPT_HOST_ROOT"])
+    (installed,) = (root / "python").glob("bpy-*.dist-info")
+    (wheel,) = (root.parent / "downloads").glob(f"{installed.stem}-*.whl")
     folder = tmp_path_factory.mktemp("blender")
     with zipfile.ZipFile(wheel) as archive:
         wanted = [name for name in archive.namelist() if not any(part in name for part in NOT_NEEDED)]

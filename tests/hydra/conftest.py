@@ -8,12 +8,13 @@ import os
 import pathlib
 
 import pytest
+from pxr import Usd
 
 from host import Host
 
 MODES = {"legacy": False, "scene_index": True}
-# The front end that the pinned host takes by default, and `usdrecord` with it.
-DEFAULT = "legacy"
+# The front end that the host takes by default, and `usdrecord` with it.
+DEFAULT = "scene_index" if Usd.GetVersion() >= (0, 26, 3) else "legacy"
 
 
 def pytest_configure(config):

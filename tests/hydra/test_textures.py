@@ -12,7 +12,7 @@ import numpy as np
 import OpenEXR
 import pytest
 from PIL import Image
-from pxr import UsdUtils
+from pxr import Usd, UsdUtils
 
 SIZE = (8, 8)
 QUICK = {"oocpt:samplesPerPixel": 4, "oocpt:maxBounces": 1}
@@ -194,6 +194,9 @@ def test_color_spaces_by_name(host, tmp_path, source, metadata, expected):
     write(tmp_path / "a.png", pale())
     shown = colored(host, tmp_path, "./a.png", source, metadata)
     is_quiet(shown)
+    if source == "auto" and host.scene_index and Usd.GetVersion() >= (0, 26, 3):
+        # A fault of the host: a `sourceColorSpace` that is authored replaces the metadata of the file, also `auto`.
+        expected = decoded
     np.testing.assert_allclose(shown["albedo"], expected(pale()[::-1]), atol=4e-3)
 
 

@@ -7,10 +7,10 @@ import pathlib
 
 import bpy
 
+from . import pins
+
 DELEGATE = "HdOocPTRendererPlugin"
 FOLDER = pathlib.Path(__file__).resolve().parent / "plugin"
-# The OpenUSD that the plugin is compiled for.
-OPENUSD = (0, 25, 8)
 LIBRARIES_OF_MATERIALX = "PXR_MTLX_STDLIB_SEARCH_PATHS"
 
 
@@ -43,9 +43,9 @@ def fault():
     """Why the plugin cannot render here, in a sentence; None if nothing is known to be wrong."""
     from pxr import Plug, Tf, Usd
 
-    if Usd.GetVersion() != OPENUSD:
-        wanted, found = (".".join(map(str, version[1:])) for version in (OPENUSD, Usd.GetVersion()))
-        return f"this build of OocPT is for the OpenUSD {wanted} of Blender 5.0, this Blender has {found}"
+    if Usd.GetVersion() != pins.OPENUSD:
+        wanted, found = (".".join(map(str, version[1:])) for version in (pins.OPENUSD, Usd.GetVersion()))
+        return f"this build of OocPT is for the OpenUSD {wanted} of Blender {pins.BLENDER}, this Blender has {found}"
     known = Plug.Registry().GetPluginWithName("hdOocPT")
     if not known or Tf.Type.FindByName(DELEGATE).isUnknown:
         return f"the plugin hdOocPT is not in {FOLDER}: install the extension again"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Corrects the USD stage that Blender exports for OocPT: what Blender 5.0's exporter leaves out or states otherwise
+"""Corrects the USD stage that Blender exports for OocPT: what Blender's exporter leaves out or states otherwise
 than USD defines it. A `USDHook`, which Blender calls at the end of every export, and which leaves those alone that are
 not for this engine."""
 
@@ -246,15 +246,26 @@ def _paths_of_objects(prims):
 
 
 def _author_links(api, collection, paths):
-    """As Blender has it: a collection that includes something reaches that alone, one that only excludes the rest."""
+    """As Blender has it: a collection that includes something reaches that alone, one that only excludes the rest.
+
+    By an expression that matches below any root: Blender 5.2 puts the stage below one of its own in Hydra's scene,
+    which paths of relationships do not follow.
+    """
+    from pxr import Sdf
+
     if collection is None:
         return
     states = {name: state for state, name in _linked(collection)}
-    included = [path for name, state in states.items() if state == "INCLUDE" for path in paths.get(name, ())]
-    excluded = [path for name, state in states.items() if state == "EXCLUDE" for path in paths.get(name, ())]
-    api.CreateIncludeRootAttr("INCLUDE" not in states.values())
-    api.CreateIncludesRel().SetTargets(included)
-    api.CreateExcludesRel().SetTargets(excluded)
+    of = {state: [path for name, one in states.items() if one == state for path in paths.get(name, ())]
+          for state in ("INCLUDE", "EXCLUDE")}  # fmt: skip
+    reached = _below(of["INCLUDE"]) if "INCLUDE" in states.values() else "//"
+    text = f"({reached}) - ({_below(of['EXCLUDE'])})" if of["EXCLUDE"] else reached
+    api.CreateIncludeRootAttr(False)
+    api.CreateMembershipExpressionAttr(Sdf.PathExpression(text))
+
+
+def _below(paths):
+    return " + ".join(f"/{path}//" for path in paths)
 
 
 def _linked(collection):

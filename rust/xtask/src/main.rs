@@ -83,8 +83,11 @@ enum XtaskCommand {
         #[command(flatten)]
         host: HostArgument,
     },
-    /// Pack plugin and add-on as an extension of Blender 5.0 into `build/dist`, to install from disk
-    Blender,
+    /// Pack plugin and add-on as an extension of the host's Blender into `build/dist`, to install from disk
+    Blender {
+        #[command(flatten)]
+        host: HostArgument,
+    },
     /// Run all tests, or those whose name contains FILTER; for another host than the default one, those that ask it
     Test {
         /// Part of a test's name
@@ -160,7 +163,10 @@ fn perform(task: XtaskCommand) -> Result<()> {
             let places = of(host);
             product::pack(&places, &set_up(&places)?)
         }
-        XtaskCommand::Blender => product::pack_for_blender(&places, &set_up(&places)?),
+        XtaskCommand::Blender { host } => {
+            let places = of(host);
+            product::pack_for_blender(&places, &set_up(&places)?)
+        }
         XtaskCommand::Install { usd, prefix } => install(&places, &usd, &prefix),
         XtaskCommand::Test { filter, full, host } => {
             let places = of(host);

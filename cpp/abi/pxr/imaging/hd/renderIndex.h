@@ -11,7 +11,9 @@
 PXR_NAMESPACE_OPEN_SCOPE
 
 class HdBprim;
+class HdRenderDelegate;
 class HdRprim;
+class HdSprim;
 
 class HD_API HdRenderIndex
 {
@@ -20,7 +22,10 @@ public:
 
     /// Null when there is no such prim.
     HdRprim const* GetRprim(SdfPath const& id) const;
+    HdSprim* GetSprim(TfToken const& typeId, SdfPath const& id) const;
     HdBprim* GetBprim(TfToken const& typeId, SdfPath const& bprimId) const;
+
+    HdRenderDelegate* GetRenderDelegate() const;
 };
 
 PXR_NAMESPACE_CLOSE_SCOPE

@@ -23,6 +23,7 @@ public:
 
     HdRenderIndex* GetRenderIndex() const { return _renderIndex; }
 
+    void Execute(HdRenderPassStateSharedPtr const& renderPassState, TfTokenVector const& renderTags);
     virtual bool IsConverged() const;
 
 protected:

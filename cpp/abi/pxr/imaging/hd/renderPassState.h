@@ -35,6 +35,10 @@ public:
     CameraUtilFraming const& GetFraming() const { return _framing; }
     HdRenderPassAovBindingVector const& GetAovBindings() const;
 
+    void SetCamera(HdCamera const* camera);
+    void SetFraming(CameraUtilFraming const& framing);
+    void SetAovBindings(HdRenderPassAovBindingVector const& aovBindings);
+
 private:
     HdCamera const* _camera;
     unsigned char _opaqueBeforeFraming[0x10];
