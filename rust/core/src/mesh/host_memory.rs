@@ -55,6 +55,11 @@ impl HostMemory {
         Some(self.budget.load(Ordering::Relaxed)).filter(|budget| *budget < u64::MAX)
     }
 
+    /// Whether kept assets take all that they may.
+    pub(crate) fn is_full(&self) -> bool {
+        self.held() >= self.limit.load(Ordering::Relaxed)
+    }
+
     /// Bytes of assets that are kept.
     #[must_use]
     pub fn held(&self) -> u64 {

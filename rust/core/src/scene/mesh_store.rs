@@ -133,8 +133,8 @@ impl MeshStore {
         self.covers.read(missing.iter().map(|entry| &entry.cutouts), heights.files());
         let covers: Vec<SlotCovers> = missing.iter().map(|entry| self.covers.of(&entry.cutouts)).collect();
         let all = missing.par_iter().zip(&covers);
-        // In files a recipe stands for a mesh that is built.
-        let refits = self.refits && self.storage.files.is_none() && self.storage.memory.budget().is_none();
+        // What is refitted stays in host memory.
+        let refits = self.refits && self.storage.memory.budget().is_none() && !self.storage.memory.is_full();
         let parts: Vec<Vec<NewMesh<'_>>> = all.map(|(entry, covers)| NewMesh::of(entry, covers, refits)).collect();
         let keys: Vec<Vec<u128>> = parts.iter().map(|parts| parts.iter().map(|part| part.key).collect()).collect();
         let mut begun: FxHashSet<u128> = FxHashSet::default();
@@ -192,10 +192,14 @@ impl MeshStore {
                 cluster_bytes,
             })
         };
-        let find = |new| KeptMesh::find(&recipe(new), &self.storage);
+        let find = |new: &NewMesh<'_>| (!new.refits).then(|| KeptMesh::find(&recipe(new), &self.storage)).flatten();
         let refit = |new: &NewMesh<'_>| new.refits.then(|| MeshRefit::new(new.entry.shape.clone()));
-        let build =
-            |new: &NewMesh<'_>, grant| KeptMesh::build(&recipe(new), heights, &self.storage, (grant, refit(new)));
+        // In files a recipe stands for a mesh that is built.
+        let in_memory = MeshStorage { files: None, ..self.storage.clone() };
+        let build = |new: &NewMesh<'_>, grant| {
+            let storage = if new.refits { &in_memory } else { &self.storage };
+            KeptMesh::build(&recipe(new), heights, storage, (grant, refit(new)))
+        };
         let all = new.par_iter().with_max_len(1);
         let made: Vec<Option<KeptMesh>> = match self.storage.memory.budget() {
             Some(budget) => {

@@ -5,8 +5,9 @@
 use crate::scenes::{dome, instanced, instancer, prim, sphere, square, sun};
 use crate::support::{perspective, read, read_all, render, request, session, settings};
 use glam::{DMat4, DQuat, DVec3};
+use oocpt_core::array::TypedArray;
 use oocpt_core::partition::HELD_FROM;
-use oocpt_core::scene::{InstancerDesc, SceneDb};
+use oocpt_core::scene::{InstancerDesc, MeshDesc, SceneDb};
 use oocpt_core::settings::{SettingValue, Settings};
 use oocpt_render::{AovKind, RenderRequest, Session};
 
@@ -116,7 +117,7 @@ fn what_is_torn_apart_gets_new_trees() {
         let mut places: Vec<[f32; 3]> =
             (0..COUNT).filter_map(|n| points.vec3(n)).map(|p| p.as_vec3().to_array()).collect();
         places.rotate_left(COUNT / 2);
-        mixed.translations = Some(oocpt_core::array::TypedArray::of(places));
+        mixed.translations = Some(TypedArray::of(places));
         db.upsert_instancer(mixed);
     });
     render(&session, &view());
@@ -133,7 +134,7 @@ fn mixed(frame: u32, other: u32) -> InstancerDesc {
     let place = |n: usize| if (n + step / 2).is_multiple_of(100) { moved.vec3(n) } else { rest.vec3(n) };
     let mut desc = crowd(frame);
     let places: Vec<[f32; 3]> = (0..COUNT).filter_map(place).map(|p| p.as_vec3().to_array()).collect();
-    desc.translations = Some(oocpt_core::array::TypedArray::of(places));
+    desc.translations = Some(TypedArray::of(places));
     desc
 }
 
@@ -171,13 +172,13 @@ fn few_moves_send_what_moved() {
 fn hostile(frame: u32) -> InstancerDesc {
     let mut desc = crowd(frame);
     let values = [f32::NAN, f32::INFINITY, 1e30, -1e19, 0.0, f32::NEG_INFINITY];
-    let spoil = |array: &oocpt_core::array::TypedArray, first: usize| {
+    let spoil = |array: &TypedArray, first: usize| {
         let mut all: Vec<[f32; 3]> = (0..COUNT).filter_map(|n| array.vec3(n)).map(|v| v.as_vec3().to_array()).collect();
         for (k, value) in values.into_iter().cycle().take(60).enumerate() {
             // A scale of 0 is singular, a place at 0 is none of these.
             all[(first + k * 131) % COUNT][k % 3] = value;
         }
-        oocpt_core::array::TypedArray::of(all)
+        TypedArray::of(all)
     };
     let at = frame as usize * 17;
     desc.scales = desc.scales.as_ref().map(|scales| spoil(scales, at));
@@ -215,4 +216,34 @@ fn instances_that_cannot_be_placed_are_found_by_no_ray_after_many_moves() {
         assert!(far.count() <= shown[1].len() / 50, "frame {frame}: other colours");
     }
     assert!(placed > 0, "some of it was placed by the device");
+}
+
+/// A ball whose points are elsewhere in each frame.
+fn jelly(frame: u8) -> MeshDesc {
+    let ball = sphere(prim("/jelly", DMat4::IDENTITY), 3, 24, 0.7);
+    let bent = |at: usize| {
+        let [x, y, z] = ball.points.vec3(at).expect("a point").as_vec3().to_array();
+        let push = 0.1 * f32::from(frame);
+        [x + push * (3.0 * y).sin(), y * (1.0 - 0.5 * push), z + push * (2.0 * x).cos()]
+    };
+    let points: Vec<[f32; 3]> = (0..ball.points.len()).map(bent).collect();
+    MeshDesc { points: TypedArray::of(points), ..ball.clone() }
+}
+
+#[test]
+fn a_mesh_that_deforms_shows_the_picture_of_one_that_is_built() {
+    let set = |db: &mut SceneDb, frame: u8| {
+        db.upsert_mesh(jelly(frame));
+        db.upsert_mesh(square(prim("/ground", DMat4::from_scale(DVec3::splat(6.0))), 1, 0.5));
+        db.upsert_light(dome([0.4, 0.5, 0.6]));
+    };
+    let session = session(live());
+    for frame in 0..5 {
+        session.with_scene(|db| set(db, frame));
+        render(&session, &view());
+    }
+    let (made, refitted) = (session.stats().meshes_made, session.stats().meshes_refitted);
+    assert_eq!((made, refitted), (6, 3), "all from the second deformation on");
+    let fresh = crate::support::images(|db| set(db, 4), live(), &view());
+    assert!(read_all(&session, &view()) == fresh, "the same triangles are met");
 }

@@ -51,9 +51,18 @@ fn an_edit_of_a_material_uploads_no_geometry() {
     let request = front();
     render(&session, &request);
     let before = read_all(&session, &request);
-    session.with_scene(|db| db.upsert_material(plain("/glow", &[("emissiveColor", color([0.25; 3]))])));
+    let edit = |db: &mut SceneDb| db.upsert_material(plain("/glow", &[("emissiveColor", color([0.25; 3]))]));
+    session.with_scene(edit);
     render(&session, &request);
-    assert!(before != read_all(&session, &request), "the edit is seen");
+    let after = read_all(&session, &request);
+    assert!(before != after, "the edit is seen");
+    let other = crate::support::session(settings(1, 1)).with_images(Arc::new(Ramps));
+    other.with_scene(|db| {
+        everything(db);
+        edit(db);
+    });
+    render(&other, &request);
+    assert!(after == read_all(&other, &request), "as in a fresh render");
     let bytes = session.timings().uploaded_bytes;
     assert_eq!(bytes, 0, "nothing but tables is uploaded");
 }
