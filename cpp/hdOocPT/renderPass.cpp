@@ -13,7 +13,7 @@
 
 PXR_NAMESPACE_OPEN_SCOPE
 
-TF_DEFINE_PRIVATE_TOKENS(_tokens, (renderBuffer));
+TF_DEFINE_PRIVATE_TOKENS(_primTypeTokens, (renderBuffer));
 
 HdOocPTRenderPass::HdOocPTRenderPass(
     HdRenderIndex* index, HdRprimCollection const& collection, std::shared_ptr<HdOocPTSession> session)
@@ -105,7 +105,7 @@ HdRenderBuffer* HdOocPTRenderPass::_FindBuffer(HdRenderPassAovBinding const& bin
     if (binding.renderBuffer || !GetRenderIndex()) {
         return binding.renderBuffer;
     }
-    HdBprim* const bprim = GetRenderIndex()->GetBprim(_tokens->renderBuffer, binding.renderBufferId);
+    HdBprim* const bprim = GetRenderIndex()->GetBprim(_primTypeTokens->renderBuffer, binding.renderBufferId);
     return static_cast<HdRenderBuffer*>(bprim);
 }
 

@@ -2,9 +2,7 @@
 #include "scene/links.h"
 
 #include "oocpt-bridge/src/lib.rs.h"
-#include "pxr/base/tf/errorMark.h"
 #include "pxr/base/vt/array.h"
-#include "pxr/usd/sdf/predicateLibrary.h"
 #include "scene/dataSource.h"
 #include "scene/sceneObserver.h"
 #include "scene/tokens.h"
@@ -16,29 +14,13 @@ PXR_NAMESPACE_OPEN_SCOPE
 
 namespace {
 
-using _Eval = SdfPathExpressionEval<const SdfPath&>;
-
-std::optional<SdfPathExpression> _ReadCollection(const HdOocPTPrimSource& light, const TfToken& name)
+/// None for collections of everything.
+std::optional<SdfPathExpression> _ReadMembership(const HdOocPTPrimSource& light, const TfToken& name)
 {
-    const auto& tokens = *HdOocPTSceneTokens;
-    const VtValue value = HdOocPTRead(light.container, { tokens.collections, name, tokens.membershipExpression });
-    if (!value.IsHolding<SdfPathExpression>()) {
-        return std::nullopt;
-    }
-    const SdfPathExpression& expression = value.UncheckedGet<SdfPathExpression>();
-    // These are all paths, and all paths that are not properties: the defaults of a light resolve to them.
-    const std::string text = expression.GetText();
-    return text == "//" || text == "~//*.*" ? std::nullopt : std::make_optional(expression);
-}
-
-const SdfPath& _PathOfPath(const SdfPath& path)
-{
-    return path;
-}
-
-bool _Holds(const _Eval& eval, const SdfPath& path)
-{
-    return static_cast<bool>(eval.Match(path, _PathOfPath));
+    const std::optional<SdfPathExpression> membership = HdOocPTReadMembership(light.container, name);
+    // All paths, and all paths that are not properties: the defaults of a light resolve to them.
+    const std::string text = membership ? membership->GetText() : "//";
+    return text == "//" || text == "~//*.*" ? std::nullopt : membership;
 }
 
 } // namespace
@@ -46,7 +28,7 @@ bool _Holds(const _Eval& eval, const SdfPath& path)
 HdOocPTLightLinks HdOocPTLinks::Read(const HdOocPTPrimSource& light)
 {
     const auto& tokens = *HdOocPTSceneTokens;
-    HdOocPTLightLinks links { _ReadCollection(light, tokens.lightLink), _ReadCollection(light, tokens.shadowLink) };
+    HdOocPTLightLinks links { _ReadMembership(light, tokens.lightLink), _ReadMembership(light, tokens.shadowLink) };
     HdOocPTConvert(HdOocPTRead(light.container, { tokens.light, tokens.lightLink }), &links.names.first);
     HdOocPTConvert(HdOocPTRead(light.container, { tokens.light, tokens.shadowLink }), &links.names.second);
     return links;
@@ -58,24 +40,18 @@ HdOocPTLinkChange HdOocPTLinks::Set(const SdfPath& light, const HdOocPTLightLink
         if (!expression) {
             return std::optional<_Link>();
         }
-        // Predicates test more than paths; without a library of them they do not compile.
-        TfErrorMark mark;
-        _Eval eval = SdfMakePathExpressionEval(*expression, SdfPredicateLibrary<const SdfPath&>());
-        const bool isUsable = mark.IsClean() && expression->IsComplete() && (eval || expression->IsEmpty());
-        mark.Clear();
-        if (!isUsable) {
-            warnings->Add(light,
-                "its collection " + name.GetString() + " uses more than paths (" + expression->GetText()
-                    + "), which is not supported yet; it is taken to hold everything");
+        std::optional<HdOocPTPathCollection> collection
+            = HdOocPTPathCollection::Compile(light, name, *expression, "it is taken to hold everything", warnings);
+        if (!collection) {
             return std::optional<_Link>();
         }
         const TfToken category(light.GetString() + ".collection:" + name.GetString());
-        return std::make_optional(_Link { category, *expression, std::move(eval) });
+        return std::make_optional(_Link { category, std::move(*collection) });
     };
     const auto& tokens = *HdOocPTSceneTokens;
     _Light read { link(links.light, tokens.lightLink), link(links.shadow, tokens.shadowLink), links.names };
     const auto same = [](const std::optional<_Link>& a, const std::optional<_Link>& b) {
-        return a.has_value() == b.has_value() && (!a || a->expression == b->expression);
+        return a.has_value() == b.has_value() && (!a || a->collection == b->collection);
     };
     const bool isNamed = !read.names.first.IsEmpty() || !read.names.second.IsEmpty();
     const auto known = _lights.find(light);
@@ -109,7 +85,7 @@ TfTokenVector HdOocPTLinks::Match(const SdfPath& path) const
     TfTokenVector categories;
     for (const auto& [light, read] : _lights) {
         for (const std::optional<_Link>* link : { &read.light, &read.shadow }) {
-            if (*link && _Holds((*link)->eval, path)) {
+            if (*link && (*link)->collection.Holds(path)) {
                 categories.push_back((*link)->category);
             }
         }

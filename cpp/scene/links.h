@@ -7,8 +7,8 @@
 #include "pxr/pxr.h"
 #include "pxr/usd/sdf/path.h"
 #include "pxr/usd/sdf/pathExpression.h"
-#include "pxr/usd/sdf/pathExpressionEval.h"
 #include "scene/meshReader.h"
+#include "scene/pathCollection.h"
 #include "scene/primReader.h"
 
 #include <cstdint>
@@ -83,8 +83,7 @@ private:
     struct _Link
     {
         TfToken category;
-        SdfPathExpression expression;
-        SdfPathExpressionEval<const SdfPath&> eval;
+        HdOocPTPathCollection collection;
     };
     struct _Light
     {

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "scene/passCollections.h"
 
-#include "pxr/base/tf/errorMark.h"
-#include "pxr/usd/sdf/predicateLibrary.h"
 #include "scene/dataSource.h"
 #include "scene/links.h"
 #include "scene/tokens.h"
@@ -23,40 +21,7 @@ enum _Place
     _Matte
 };
 
-const SdfPath& _PathOfPath(const SdfPath& path)
-{
-    return path;
-}
-
-bool _Holds(const SdfPathExpressionEval<const SdfPath&>& eval, const SdfPath& path)
-{
-    return static_cast<bool>(eval.Match(path, _PathOfPath));
-}
-
 } // namespace
-
-std::optional<HdOocPTPassCollections::_Collection> HdOocPTPassCollections::_ReadCollection(
-    const HdContainerDataSourceHandle& pass, const TfToken& name, HdOocPTWarnings* warnings) const
-{
-    const auto& tokens = *HdOocPTSceneTokens;
-    const VtValue value = HdOocPTRead(pass, { tokens.collections, name, tokens.membershipExpression });
-    if (!value.IsHolding<SdfPathExpression>()) {
-        return std::nullopt;
-    }
-    const SdfPathExpression& expression = value.UncheckedGet<SdfPathExpression>();
-    // Predicates test more than paths; without a library of them they do not compile.
-    TfErrorMark mark;
-    _Collection collection { expression, SdfMakePathExpressionEval(expression, SdfPredicateLibrary<const SdfPath&>()) };
-    const bool isUsable = mark.IsClean() && expression.IsComplete() && (collection.eval || expression.IsEmpty());
-    mark.Clear();
-    if (!isUsable) {
-        warnings->Add(_pass,
-            "its collection " + name.GetString() + " uses more than paths (" + expression.GetText()
-                + "), which is not supported yet; it is left out");
-        return std::nullopt;
-    }
-    return collection;
-}
 
 bool HdOocPTPassCollections::Read(const HdSceneIndexBase& scene, HdOocPTWarnings* warnings)
 {
@@ -66,7 +31,7 @@ bool HdOocPTPassCollections::Read(const HdSceneIndexBase& scene, HdOocPTWarnings
                              .GetWithDefault<SdfPath>();
     const bool isNew = pass != _pass;
     _pass = pass;
-    std::array<std::optional<_Collection>, 4> read;
+    std::array<std::optional<HdOocPTPathCollection>, 4> read;
     if (!pass.IsEmpty()) {
         const HdContainerDataSourceHandle container = scene.GetPrim(pass).dataSource;
         if (isNew && !HdOocPTFind(container, { HdOocPTSceneTokens->collections })) {
@@ -75,13 +40,13 @@ bool HdOocPTPassCollections::Read(const HdSceneIndexBase& scene, HdOocPTWarnings
                 " hidden or a matte by it");
         }
         const TfToken names[] = { tokens.prune, tokens.renderVisibility, tokens.cameraVisibility, tokens.matte };
-        std::transform(std::begin(names), std::end(names), read.begin(),
-            [&](const TfToken& name) { return _ReadCollection(container, name, warnings); });
-    }
-    const bool isSame = std::equal(read.begin(), read.end(), _collections.begin(),
-        [](const std::optional<_Collection>& a, const std::optional<_Collection>& b) {
-            return a.has_value() == b.has_value() && (!a || a->expression == b->expression);
+        std::transform(std::begin(names), std::end(names), read.begin(), [&](const TfToken& name) {
+            const std::optional<SdfPathExpression> membership = HdOocPTReadMembership(container, name);
+            return membership ? HdOocPTPathCollection::Compile(pass, name, *membership, "it is left out", warnings)
+                              : std::nullopt;
         });
+    }
+    const bool isSame = read == _collections;
     if (!isSame) {
         _collections = std::move(read);
     }
@@ -97,8 +62,8 @@ bool HdOocPTPassCollections::IsActive() const
 HdOocPTPassMarks HdOocPTPassCollections::_Match(const SdfPath& path) const
 {
     const auto holds = [&](_Place place, const SdfPath& tested, bool otherwise) {
-        const std::optional<_Collection>& collection = _collections[place];
-        return collection ? _Holds(collection->eval, tested) : otherwise;
+        const std::optional<HdOocPTPathCollection>& collection = _collections[place];
+        return collection ? collection->Holds(tested) : otherwise;
     };
     HdOocPTPassMarks marks;
     // What is below a pruned prim is pruned with it.

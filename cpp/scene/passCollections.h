@@ -5,8 +5,7 @@
 #include "pxr/imaging/hd/sceneIndex.h"
 #include "pxr/pxr.h"
 #include "pxr/usd/sdf/path.h"
-#include "pxr/usd/sdf/pathExpression.h"
-#include "pxr/usd/sdf/pathExpressionEval.h"
+#include "scene/pathCollection.h"
 #include "scene/primReader.h"
 
 #include <array>
@@ -51,19 +50,11 @@ public:
         HdOocPTWarnings* warnings) const;
 
 private:
-    struct _Collection
-    {
-        SdfPathExpression expression;
-        SdfPathExpressionEval<const SdfPath&> eval;
-    };
-
-    std::optional<_Collection> _ReadCollection(
-        const HdContainerDataSourceHandle& pass, const TfToken& name, HdOocPTWarnings* warnings) const;
     HdOocPTPassMarks _Match(const SdfPath& path) const;
 
     SdfPath _pass;
     /// In the order of the names above.
-    std::array<std::optional<_Collection>, 4> _collections;
+    std::array<std::optional<HdOocPTPathCollection>, 4> _collections;
 };
 
 PXR_NAMESPACE_CLOSE_SCOPE

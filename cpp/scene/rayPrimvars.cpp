@@ -23,7 +23,7 @@ VtValue _First(const VtValue& value)
 }
 
 /// The value as text; none if it is neither text nor a number.
-std::optional<std::string> _Text(const VtValue& value)
+std::optional<std::string> _TextOrNumber(const VtValue& value)
 {
     const VtValue first = _First<TfToken>(_First<std::string>(_First<bool>(_First<float>(_First<int>(value)))));
     TfToken text;
@@ -64,7 +64,7 @@ HdOocPTRayPrimvars HdOocPTReadRayPrimvars(const HdContainerDataSourceHandle& con
             continue;
         }
         const VtValue value = HdOocPTRead(primvars, { name, tokens.primvarValue });
-        if (const std::optional<std::string> text = value.IsEmpty() ? std::nullopt : _Text(value)) {
+        if (const std::optional<std::string> text = value.IsEmpty() ? std::nullopt : _TextOrNumber(value)) {
             found.emplace_back(name.GetString(), *text);
         }
     }

@@ -13,7 +13,7 @@
 
 PXR_NAMESPACE_OPEN_SCOPE
 
-TF_DEFINE_PRIVATE_TOKENS(_tokens, (toMesh)(cube)(plane));
+TF_DEFINE_PRIVATE_TOKENS(_shapeTokens, (toMesh)(cube)(plane));
 
 namespace {
 
@@ -39,13 +39,13 @@ private:
 class _OtherShapesToMesh final : public HdContainerDataSource
 {
 public:
-    TfTokenVector GetNames() override { return { _tokens->cube, _tokens->plane }; }
+    TfTokenVector GetNames() override { return { _shapeTokens->cube, _shapeTokens->plane }; }
 
     HdDataSourceBaseHandle Get(const TfToken& name) override
     {
         for (const TfToken& known : GetNames()) {
             if (name == known) {
-                return std::make_shared<_TokenDataSource>(_tokens->toMesh);
+                return std::make_shared<_TokenDataSource>(_shapeTokens->toMesh);
             }
         }
         return nullptr;

@@ -39,6 +39,7 @@ pub(crate) fn named_values(stats: &RenderStats) -> Vec<NamedValue> {
         integer("oocpt:triangles", stats.triangles),
         integer("oocpt:uniqueTriangles", stats.unique_triangles),
         integer("oocpt:meshesMade", stats.meshes_made),
+        integer("oocpt:meshesRefitted", stats.meshes_refitted),
         integer("oocpt:meshes", stats.meshes),
         text("oocpt:featuresLeftOut", &stats.features_left_out.join("; ")),
         integer("oocpt:dropped", stats.dropped.total()),

@@ -61,6 +61,9 @@ pub struct RenderStats {
     pub unique_triangles: u64,
     /// Meshes that the session has built so far, or found in files.
     pub meshes_made: u64,
+    /// Of these, those that deformed and were refitted.
+    #[serde(default)]
+    pub meshes_refitted: u64,
     /// Triangles, multiplied out.
     pub triangles: u64,
     /// Unique meshes.

@@ -40,14 +40,14 @@ pub(crate) fn build_for_wheel(places: &RootFolders, interpreter: &PythonInterpre
     build_plugin_for_wheel(places, interpreter)
 }
 
-/// Builds every crate with its tests, and with the faults that they plant (feature `faults`). Gives cargo's messages, a
-/// JSON object a line.
+/// Builds the tests of every crate, with the faults that they plant (feature `faults`). Gives cargo's messages, a JSON
+/// object a line.
 ///
 /// # Errors
 /// If cargo fails.
 pub(crate) fn build_tests(places: &RootFolders) -> Result<String> {
     let mut build = cargo(places, "build");
-    build.args(["--workspace", "--all-targets", "--profile", PROFILE, "--message-format", "json-render-diagnostics"]);
+    build.args(["--workspace", "--tests", "--profile", PROFILE, "--message-format", "json-render-diagnostics"]);
     capture(&mut build)
 }
 

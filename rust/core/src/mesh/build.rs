@@ -21,6 +21,7 @@ use super::pose::PointsPose;
 use super::primvar::{PrimvarLayout, TriangleSource, convert, convert_wanted, subset_numbers};
 use super::ptex::{PtexNumbers, PtexTriangle};
 use super::refine::{ControlShape, RefinedMesh, refine};
+use super::refit::MeshRefit;
 use super::split::{SplitSource as Whole, TriangleOrder, arrange, expected_bytes, split_ordered};
 use super::topology::{MeshFace, MeshTopology, read_topology};
 use super::triangulate::FaceTriangulator;
@@ -80,7 +81,7 @@ pub fn build_mesh_with(
     let mut clusters = Vec::new();
     let cuts = ClusterLimits { limit_bytes, cluster_bytes, at_once: usize::MAX };
     let mut put = |cluster| clusters.push(Arc::new(cluster));
-    let BuiltAsset { asset, dropped, notes } = build_mesh_into(desc, demand, key, cuts, &mut put);
+    let BuiltAsset { asset, dropped, notes } = build_mesh_into(desc, demand, key, cuts, (None, &mut put));
     BuiltMesh { asset: asset.map(Arc::new), clusters, dropped, notes }
 }
 
@@ -103,13 +104,13 @@ pub(crate) struct BuiltAsset {
     pub(crate) notes: Vec<String>,
 }
 
-/// As [`build_mesh_with`], but gives each cluster to `put` as soon as it is made.
+/// As [`build_mesh_with`], but gives each cluster to `put` as soon as it is made. `refit`: of a mesh that deforms.
 pub(crate) fn build_mesh_into(
     desc: &MeshDesc,
     demand: &BuildDemand<'_>,
     key: u128,
     cuts: ClusterLimits,
-    put: &mut dyn FnMut(MeshAsset),
+    (refit, put): (Option<&mut MeshRefit>, &mut dyn FnMut(MeshAsset)),
 ) -> BuiltAsset {
     let wanted = demand.wanted;
     let mut built = BuiltAsset::default();
@@ -134,8 +135,13 @@ pub(crate) fn build_mesh_into(
     let loose = read_faces((desc, &poses, None), demand, key, dropped, notes);
     drop(poses);
     *asset = loose.and_then(|loose| {
-        let covered = covered_boxes(&loose, demand);
-        arrange_or_split(loose, covered, cuts, put)
+        match (refit, covered_boxes(&loose, demand)) {
+            // Which parts of it cutouts keep may be anything.
+            (Some(refit), None) => {
+                refit.arrange(loose, cuts.cluster_bytes, put, |loose, put| arrange_or_split(loose, None, cuts, put))
+            }
+            (_, covered) => arrange_or_split(loose, covered, cuts, put),
+        }
     });
     built
 }

@@ -32,18 +32,25 @@ pub struct Bvh4 {
     pub stack: u32,
 }
 
+/// A node over children with the boxes `boxes`, whose `first_child`, `first_triangle` and counts are given.
+pub(super) fn mesh_node(boxes: &[Aabb], [first_child, first_triangle, counts]: [u32; 3]) -> Bvh4Node {
+    let BoxGrid { origin, cell, lower, upper } = BoxGrid::new(boxes.iter(), 0.0);
+    Bvh4Node { origin, cell_and_counts: cell | counts, lower, upper, first_child, first_triangle }
+}
+
 /// The hierarchy of `bvh`, whose leaves are of the items `order`, and these in its own order. With `in_order` the first
 /// leaf of the root remains the first one of all.
 pub(super) fn compress(bvh: &Bvh2, order: &[u32], in_order: bool) -> (Bvh4, Vec<u32>) {
     let mut places = Vec::with_capacity(order.len());
     let (nodes, stack) = widen(bvh, in_order, |parts, inner, first_child| {
-        let BoxGrid { origin, cell, lower, upper } = BoxGrid::new(parts.iter().map(|part| &part.bounds), 0.0);
-        let mut node = Bvh4Node { origin, cell_and_counts: cell, lower, upper, ..Bvh4Node::default() };
-        node.first_child = index(inner) << Bvh4Node::INNER_SHIFT | first_child;
-        node.first_triangle = index(places.len());
-        for (at, part) in parts.iter().enumerate() {
-            node.cell_and_counts |= (part.count & 3) << (24 + 2 * at);
+        let mut boxes = [Aabb::EMPTY; WIDTH];
+        let mut counts = 0;
+        for ((at, part), slot) in parts.iter().enumerate().zip(&mut boxes) {
+            counts |= (part.count & 3) << (24 + 2 * at);
+            *slot = part.bounds;
         }
+        let first_child = index(inner) << Bvh4Node::INNER_SHIFT | first_child;
+        let node = mesh_node(&boxes[..parts.len().min(WIDTH)], [first_child, index(places.len()), counts]);
         for leaf in &parts[inner..] {
             places.extend(leaf.child..leaf.child + leaf.count);
         }

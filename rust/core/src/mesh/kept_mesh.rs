@@ -15,6 +15,7 @@ use super::build::BuiltAsset;
 use super::host_memory::{HeldMemory, ReservedMemory};
 use super::payload::{parts, payload_bytes, ptex_words};
 use super::recipe::{MeshRecipe, MeshStorage};
+use super::refit::MeshRefit;
 use super::scene_mesh::{SceneMesh, StoredAsset};
 use super::store::{MeshFiles, PayloadError, PayloadSource};
 use super::summary::MeshSummary;
@@ -62,6 +63,8 @@ pub(crate) struct KeptMesh {
     pub(crate) is_left_out: bool,
     /// The patches that its clusters come from, and the content that they are patches of.
     patches: Option<(u128, Vec<Arc<Self>>)>,
+    /// Of a mesh that deforms in a live scene.
+    pub(crate) refit: Option<MeshRefit>,
 }
 
 impl KeptMesh {
@@ -77,12 +80,13 @@ impl KeptMesh {
         }
     }
 
-    /// Builds a mesh and stores it.
+    /// Builds a mesh and stores it. `refit`: of a mesh that deforms; it must not be stored in files, where the same
+    /// recipe stands for a mesh that is built.
     pub(crate) fn build(
         recipe: &Arc<MeshRecipe>,
         heights: &HeightCache,
         storage: &MeshStorage,
-        grant: BuildGrant,
+        (grant, mut refit): (BuildGrant, Option<MeshRefit>),
     ) -> Self {
         let entry = persistent_entry(recipe, storage);
         let key = entry.map(|(_, key)| key);
@@ -95,7 +99,7 @@ impl KeptMesh {
             let held = storage.memory.try_hold(cluster.host_bytes());
             clusters.push(writer.put(cluster, index, key, &[], held));
         };
-        let BuiltAsset { asset, dropped, notes } = recipe.build(heights, at_once, &mut put);
+        let BuiltAsset { asset, dropped, notes } = recipe.build(heights, at_once, refit.as_mut(), &mut put);
         let is_split = asset.is_none();
         let meshes = match &asset {
             Some(asset) => vec![MeshSummary::of(asset)],
@@ -114,7 +118,7 @@ impl KeptMesh {
         if let Some((files, _)) = entry.filter(|_| is_split && key.is_some()) {
             files.add(key, &head, &[]);
         }
-        Self { asset, clusters, dropped, notes, is_left_out: false, patches: None }
+        Self { asset, clusters, dropped, notes, is_left_out: false, patches: None, refit }
     }
 
     /// A mesh in patches, which are its clusters. `content`: hash of the mesh; `is_coarse`: its rates are not what was
@@ -132,7 +136,7 @@ impl KeptMesh {
         notes.sort();
         notes.dedup();
         let is_left_out = all().any(|patch| patch.is_left_out);
-        Self { asset: None, clusters, dropped, notes, is_left_out, patches: Some((content, patches)) }
+        Self { asset: None, clusters, dropped, notes, is_left_out, patches: Some((content, patches)), refit: None }
     }
 
     /// Names the group of its clusters: the mesh that patches are of, whatever their rates are, or else the first
@@ -152,6 +156,7 @@ impl KeptMesh {
             notes,
             is_left_out: true,
             patches: None,
+            refit: None,
         }
     }
 
@@ -188,7 +193,7 @@ impl KeptMesh {
         };
         let mut meshes: Vec<_> = meshes.into_iter().zip(payloads).enumerate().map(mesh).collect();
         let asset = if is_split { None } else { meshes.pop() };
-        Ok(Some(Self { asset, clusters: meshes, dropped, notes, is_left_out: false, patches: None }))
+        Ok(Some(Self { asset, clusters: meshes, dropped, notes, is_left_out: false, patches: None, refit: None }))
     }
 }
 

@@ -45,6 +45,7 @@ mod ptex;
 mod recipe;
 mod refine;
 mod refine_values;
+mod refit;
 mod relief;
 mod scene_mesh;
 mod split;
@@ -85,6 +86,7 @@ pub use ptex::{MAX_PTEX_FACES, PtexPart, PtexTriangle};
 pub(crate) use recipe::{MeshRecipe, MeshStorage};
 pub(crate) use refine::EdgeRates;
 pub use refine::MAX_REFINED_TRIANGLES;
+pub(crate) use refit::{MeshRefit, MeshShape};
 #[cfg(feature = "faults")]
 pub use scene_mesh::LOST_FOR_GOOD;
 pub use scene_mesh::{SceneMesh, StoredError};

@@ -13,6 +13,7 @@ use super::dicing::DicingRate;
 use super::footprint::BuildFootprint;
 use super::host_memory::HostMemory;
 use super::patch::MeshPatch;
+use super::refit::MeshRefit;
 use super::store::MeshFiles;
 use super::{MeshAsset, WantedPrimvar};
 use crate::desc::MeshDesc;
@@ -48,12 +49,19 @@ impl MeshRecipe {
     }
 
     /// Builds the mesh. One that is split gives its clusters to `put`, `at_once` of them built in parallel.
-    pub(super) fn build(&self, heights: &HeightCache, at_once: usize, put: &mut dyn FnMut(MeshAsset)) -> BuiltAsset {
+    /// `refit`: of a mesh that deforms.
+    pub(super) fn build(
+        &self,
+        heights: &HeightCache,
+        at_once: usize,
+        refit: Option<&mut MeshRefit>,
+        put: &mut dyn FnMut(MeshAsset),
+    ) -> BuiltAsset {
         let demand = BuildDemand { heights: Some(heights), ..self.demand() };
         let limits = ClusterLimits { limit_bytes: self.limit_bytes, cluster_bytes: self.cluster_bytes, at_once };
         match &self.patch {
             Some(patch) => build_patch_into((&self.desc, patch), &demand, self.key, limits, put),
-            None => build_mesh_into(&self.desc, &demand, self.key, limits, put),
+            None => build_mesh_into(&self.desc, &demand, self.key, limits, (refit, put)),
         }
     }
 

@@ -69,7 +69,7 @@ impl StoredAsset {
             }
             index += 1;
         };
-        let built = self.recipe.build(&heights, 1, &mut put);
+        let built = self.recipe.build(&heights, 1, None, &mut put);
         let asset = built.asset.or(wanted)?;
         (MeshSummary::of(&asset) == *summary).then(|| Arc::new(asset))
     }

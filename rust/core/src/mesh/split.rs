@@ -110,15 +110,28 @@ pub(super) fn split_ordered(
         let made: Vec<Vec<MeshAsset>> =
             group.par_iter_mut().with_max_len(1).map(|part| splitter.clusters(part)).collect();
         for (mut cluster, number) in made.into_iter().flatten().zip(&mut numbers) {
-            let mut hasher = Xxh3::new();
-            hasher.update(&mesh.key.to_le_bytes());
-            hasher.update(&max_bytes.to_le_bytes());
-            hasher.update(&number.to_le_bytes());
-            hasher.update(&[order as u8]);
-            cluster.key = hasher.digest128();
+            cluster.key = cluster_key((mesh.key, max_bytes), number, order);
             put(cluster);
         }
     }
+}
+
+/// Key of a cluster of the mesh with this key, in clusters of at most so many bytes: see [`split_mesh`].
+pub(super) fn cluster_key((mesh, max_bytes): (u128, u64), number: u64, order: TriangleOrder) -> u128 {
+    let mut hasher = Xxh3::new();
+    hasher.update(&mesh.to_le_bytes());
+    hasher.update(&max_bytes.to_le_bytes());
+    hasher.update(&number.to_le_bytes());
+    hasher.update(&[order as u8]);
+    hasher.digest128()
+}
+
+/// The points of the corners of `members`, sorted; empty if no attribute has values by point.
+pub(super) fn points_of(mesh: &MeshAsset, members: &[u32]) -> Vec<u32> {
+    let mut points = pick(&mesh.corner_indices, members).into_flattened();
+    points.sort_unstable();
+    points.dedup();
+    points
 }
 
 /// Approximate device bytes of the mesh once it has a hierarchy: a function of its sizes only.
@@ -171,7 +184,7 @@ impl MeshSplitter<'_> {
         let boxes: Vec<Aabb> = members.iter().map(|&item| self.source.item_bounds(item)).collect();
         let (bvh, order) = build_bvh4_over(&boxes, self.mesh.kind);
         let order: Vec<u32> = pick(&members, &order);
-        let mut cluster = arrange(self.mesh, bvh, &order, Some(&self.points(&members)));
+        let mut cluster = arrange(self.mesh, bvh, &order, Some(&points_of(self.mesh, &members)));
         if self.source.covered.is_some() {
             cluster.bounds = boxes.iter().fold(Aabb::EMPTY, |all, bounds| all.union(bounds));
             cluster.is_clipped = true;
@@ -189,7 +202,7 @@ impl MeshSplitter<'_> {
             return count <= 1;
         }
         let members: Vec<u32> = items.iter().map(|item| item.triangle).collect();
-        let points = self.points(&members).len() as u64;
+        let points = points_of(self.mesh, &members).len() as u64;
         let mesh = self.mesh;
         let corners = if mesh.corner_indices.is_empty() { 0 } else { count * size_of::<[u32; 3]>() as u64 };
         let attributes = [
@@ -202,14 +215,6 @@ impl MeshSplitter<'_> {
         let primvars: u64 = mesh.primvars.iter().map(primvar).sum();
         let table = mesh.primvars.len() as u64 * PRIMVAR_BYTES;
         constant + attributes.iter().sum::<u64>() + primvars + table <= self.max_bytes
-    }
-
-    /// The points of the members' corners, sorted; empty if no attribute has values by point.
-    fn points(&self, members: &[u32]) -> Vec<u32> {
-        let mut points = pick(&self.mesh.corner_indices, members).into_flattened();
-        points.sort_unstable();
-        points.dedup();
-        points
     }
 }
 

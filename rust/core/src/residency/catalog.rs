@@ -84,6 +84,17 @@ impl UnitCatalog {
         Ok(())
     }
 
+    /// Gives an asset another size. `unit`: the one unit that has it, if one has.
+    pub fn resize(&mut self, asset: AssetId, unit: Option<UnitId>, bytes: u64) {
+        let Some(held) = self.bytes.get_mut(asset as usize) else { return };
+        let before = std::mem::replace(held, bytes);
+        let resized = |sum: u64| sum.saturating_sub(before).saturating_add(bytes);
+        self.total = resized(self.total);
+        if let Some(closure) = unit.and_then(|unit| self.closures.get_mut(unit as usize)) {
+            *closure = resized(*closure);
+        }
+    }
+
     fn push(&mut self, row: &[AssetId]) -> Result<(), CatalogError> {
         let unit = id_count(self.closures.len() + 1)?;
         let start = self.assets.len();

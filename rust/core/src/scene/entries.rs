@@ -13,7 +13,9 @@ use crate::instancing::array_motion::ArrayMotion;
 use crate::instancing::arrays::InstanceArrays;
 use crate::instancing::instance_primvars::{InstancePrimvar, MemberPrimvar};
 use crate::material::Cutout;
-use crate::mesh::{BuildDemand, DicingRate, KeptMesh, MeshPatches, SlotDisplacements, WantedPrimvar, is_same_mesh};
+use crate::mesh::{
+    BuildDemand, DicingRate, KeptMesh, MeshPatches, MeshShape, SlotDisplacements, WantedPrimvar, is_same_mesh,
+};
 
 /// Cutouts by slot, as [`SlotDisplacements`]. Empty if nothing is cut out.
 pub(crate) type SlotCutouts = Vec<Option<Arc<Cutout>>>;
@@ -39,6 +41,10 @@ pub(crate) struct MeshEntry {
     pub(crate) cutouts: SlotCutouts,
     /// Numbers of the primvars that are read here and that the mesh does not have.
     pub(crate) lacks: Vec<u32>,
+    /// True if its faces are those of before, with points elsewhere.
+    pub(crate) deforms: bool,
+    /// The shape that it had, if that was kept.
+    pub(crate) shape: Option<Arc<MeshShape>>,
 }
 
 impl MeshEntry {
@@ -50,6 +56,7 @@ impl MeshEntry {
         if desc.points.is_empty() {
             desc.take_form(false);
         }
+        let deformed = old.as_ref().filter(|old| is_deformed(&old.desc, &desc)).map(Self::kept_shape);
         match old {
             Some(old) if is_same_mesh(&old.desc, &desc, &old.demand()) => {
                 let changed = old.desc.prim != desc.prim
@@ -68,6 +75,8 @@ impl MeshEntry {
                     displacements: Vec::new(),
                     cutouts: Vec::new(),
                     lacks: Vec::new(),
+                    deforms: deformed.is_some(),
+                    shape: deformed.flatten(),
                 };
                 (entry, true)
             }
@@ -79,6 +88,12 @@ impl MeshEntry {
     /// Returns true if host memory did not suffice to build it.
     pub(crate) fn is_left_out(&self) -> bool {
         self.built.as_ref().is_some_and(|built| built.is_left_out)
+    }
+
+    /// The shape of its asset, or the one that it had.
+    fn kept_shape(&self) -> Option<Arc<MeshShape>> {
+        let built = self.built.as_ref().and_then(|built| built.refit.as_ref());
+        built.map_or_else(|| self.shape.clone(), |refit| refit.shape.clone())
     }
 
     /// The inputs of building it.
@@ -128,6 +143,14 @@ impl MeshEntry {
             self.outline = OnceLock::new();
         }
     }
+}
+
+/// Returns true if the faces are equal and as many points are elsewhere.
+fn is_deformed(old: &MeshDesc, new: &MeshDesc) -> bool {
+    old.points.len() == new.points.len()
+        && old.points.identity() != new.points.identity()
+        && old.face_vertex_counts.same_contents(&new.face_vertex_counts)
+        && old.face_vertex_indices.same_contents(&new.face_vertex_indices)
 }
 
 /// Returns true if bindings and collections are equal, and there are primvars of the same names.

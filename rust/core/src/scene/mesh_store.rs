@@ -7,15 +7,15 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHashSet};
-use xxhash_rust::xxh3::Xxh3;
+use xxhash_rust::xxh3::{Xxh3, xxh3_128};
 
 use super::admission::run_within;
 use super::cover_store::CoverStore;
 use super::entries::MeshEntry;
 use super::surface_cut::SurfaceCut;
 use crate::mesh::{
-    BuildDemand, BuildFootprint, BuildGrant, CutoutCover, KeptMesh, MeshPatch, MeshRecipe, MeshStorage, SceneMesh,
-    SlotCovers, mesh_key_with, too_large,
+    BuildDemand, BuildFootprint, BuildGrant, CutoutCover, KeptMesh, MeshPatch, MeshRecipe, MeshRefit, MeshStorage,
+    SceneMesh, SlotCovers, mesh_key_with, too_large,
 };
 use crate::partition::PartitionOptions;
 use crate::texture::HeightCache;
@@ -33,14 +33,19 @@ struct NewMesh<'a> {
     entry: &'a MeshEntry,
     covers: &'a [Option<CutoutCover>],
     patch: Option<MeshPatch>,
+    /// True if the mesh deforms: its shape is used and kept.
+    refits: bool,
 }
 
 impl<'a> NewMesh<'a> {
     /// The parts of a prim: all of its mesh, or each of its patches.
-    fn of(entry: &'a MeshEntry, covers: &'a [Option<CutoutCover>]) -> Vec<Self> {
+    fn of(entry: &'a MeshEntry, covers: &'a [Option<CutoutCover>], refits: bool) -> Vec<Self> {
         let demand = BuildDemand { covers, ..entry.demand() };
         let Some(cuts) = &entry.cuts else {
-            return vec![NewMesh { key: mesh_key_with(&entry.desc, &demand), entry, covers, patch: None }];
+            let (content, refits) = (mesh_key_with(&entry.desc, &demand), refits && entry.deforms);
+            let shape = entry.shape.as_ref().filter(|_| refits);
+            let key = shape.map_or(content, |shape| xxh3_128(bytemuck::cast_slice::<u128, u8>(&[content, shape.key])));
+            return vec![NewMesh { key, entry, covers, patch: None, refits }];
         };
         let content = entry.outline().content;
         let part = |patch: MeshPatch| {
@@ -48,7 +53,7 @@ impl<'a> NewMesh<'a> {
             hasher.update(&content.to_le_bytes());
             demand.hash_covers(&mut hasher);
             patch.hash(&mut hasher);
-            NewMesh { key: hasher.digest128(), entry, covers, patch: Some(patch) }
+            NewMesh { key: hasher.digest128(), entry, covers, patch: Some(patch), refits: false }
         };
         cuts.patches(demand.displaces(&entry.desc)).map(part).collect()
     }
@@ -64,6 +69,10 @@ pub(crate) struct MeshStore {
     options: PartitionOptions,
     /// Meshes that were built or found in files so far.
     pub(crate) made: u64,
+    /// Of these, the ones that were refitted.
+    pub(crate) refitted: u64,
+    /// Whether meshes that deform are refitted.
+    refits: bool,
     /// Where assets are put.
     pub(crate) storage: MeshStorage,
     /// Images that cut meshes out.
@@ -87,6 +96,22 @@ impl MeshStore {
         }
     }
 
+    /// Sets whether meshes that deform are refitted; returns true if some were and are to be built now.
+    pub(crate) fn set_refits(&mut self, meshes: &mut BTreeMap<Arc<str>, MeshEntry>, refits: bool) -> bool {
+        if std::mem::replace(&mut self.refits, refits) == refits || refits {
+            return false;
+        }
+        let had_shape = |built: &Arc<KeptMesh>| built.refit.as_ref().is_some_and(|refit| refit.had_shape);
+        self.built.retain(|_, built| !had_shape(built));
+        let mut must_build = false;
+        for entry in meshes.values_mut() {
+            (entry.deforms, entry.shape) = (false, None);
+            must_build |= entry.built.as_ref().is_some_and(had_shape);
+            entry.built = entry.built.take().filter(|built| !had_shape(built));
+        }
+        must_build
+    }
+
     /// Ensures that every mesh of `wanted` is built, with subdivision surfaces cut by `cuts` and displaced by
     /// `heights`; missing ones are built in parallel. False if `is_moot` said so before they were all there: what was
     /// built until then is found by the next call.
@@ -108,7 +133,9 @@ impl MeshStore {
         self.covers.read(missing.iter().map(|entry| &entry.cutouts), heights.files());
         let covers: Vec<SlotCovers> = missing.iter().map(|entry| self.covers.of(&entry.cutouts)).collect();
         let all = missing.par_iter().zip(&covers);
-        let parts: Vec<Vec<NewMesh<'_>>> = all.map(|(entry, covers)| NewMesh::of(entry, covers)).collect();
+        // In files a recipe stands for a mesh that is built.
+        let refits = self.refits && self.storage.files.is_none() && self.storage.memory.budget().is_none();
+        let parts: Vec<Vec<NewMesh<'_>>> = all.map(|(entry, covers)| NewMesh::of(entry, covers, refits)).collect();
         let keys: Vec<Vec<u128>> = parts.iter().map(|parts| parts.iter().map(|part| part.key).collect()).collect();
         let mut begun: FxHashSet<u128> = FxHashSet::default();
         let new: Vec<NewMesh<'_>> = parts
@@ -124,6 +151,8 @@ impl MeshStore {
         };
         let built = self.make(&new, heights, &is_left);
         self.made += built.len() as u64;
+        let is_refitted = |(_, built): &&(u128, Arc<KeptMesh>)| built.refit.as_ref().is_some_and(|r| r.is_refitted);
+        self.refitted += built.iter().filter(is_refitted).count() as u64;
         self.built.extend(built);
         if !new.iter().all(|part| self.built.contains_key(&part.key)) {
             return false;
@@ -149,7 +178,7 @@ impl MeshStore {
         is_left: &(impl Fn() -> bool + Sync),
     ) -> Vec<(u128, Arc<KeptMesh>)> {
         let (limit_bytes, cluster_bytes) = (self.options.mesh_limit(), self.options.chunk_bytes());
-        let recipe = |NewMesh { key, entry, covers, patch }: &NewMesh<'_>| {
+        let recipe = |NewMesh { key, entry, covers, patch, .. }: &NewMesh<'_>| {
             Arc::new(MeshRecipe {
                 desc: entry.desc.clone(),
                 wanted: entry.wanted.clone(),
@@ -164,7 +193,9 @@ impl MeshStore {
             })
         };
         let find = |new| KeptMesh::find(&recipe(new), &self.storage);
-        let build = |new, grant| KeptMesh::build(&recipe(new), heights, &self.storage, grant);
+        let refit = |new: &NewMesh<'_>| new.refits.then(|| MeshRefit::new(new.entry.shape.clone()));
+        let build =
+            |new: &NewMesh<'_>, grant| KeptMesh::build(&recipe(new), heights, &self.storage, (grant, refit(new)));
         let all = new.par_iter().with_max_len(1);
         let made: Vec<Option<KeptMesh>> = match self.storage.memory.budget() {
             Some(budget) => {

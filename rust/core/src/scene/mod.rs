@@ -271,10 +271,11 @@ impl SceneDb {
     }
 
     /// Sets whether the scene is live, from the next commit on; it is not by default. A live scene holds chunks while
-    /// their records move ([`crate::partition::Chunk::shape`]), so a commit costs less, and the chunks, with them the
-    /// last bits of a picture, depend on the edits that led to the scene.
+    /// their records move ([`crate::partition::Chunk::shape`]) and refits meshes that deform, so a commit costs less,
+    /// and chunks and trees, with them the last bits of a picture, depend on the edits that led to the scene.
     pub fn set_live(&mut self, is_live: bool) {
         self.edited |= self.partition.set_holds(is_live);
+        self.edited |= self.mesh_store.set_refits(&mut self.meshes, is_live);
     }
 
     /// Sets whether a live scene measures what moves late, from the next commit on; it does not by default. Then a
@@ -309,6 +310,12 @@ impl SceneDb {
     #[must_use]
     pub fn meshes_made(&self) -> u64 {
         self.mesh_store.made
+    }
+
+    /// Of the meshes that commits have built, those that deformed and kept the shape of their hierarchy.
+    #[must_use]
+    pub fn meshes_refitted(&self) -> u64 {
+        self.mesh_store.refitted
     }
 
     /// Sets the reader of textures for displacement and cutouts, for meshes that are built from now on. Without one,

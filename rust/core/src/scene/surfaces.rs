@@ -459,7 +459,8 @@ impl SurfaceTables {
     }
 
     /// Returns true if both are equal; materials are compared by address.
-    pub(crate) fn is_same(&self, other: &Self) -> bool {
+    #[must_use]
+    pub fn is_same(&self, other: &Self) -> bool {
         self.materials.len() == other.materials.len()
             && self.materials.iter().zip(&other.materials).all(|(a, b)| Arc::ptr_eq(a, b))
             && self.textures == other.textures

@@ -8,7 +8,7 @@
 use super::catalog::SceneAssets;
 use super::source::AssetKey;
 use super::store::{AssetStore, MemoryWait};
-use super::tables::{SceneTables, TableEntries};
+use super::tables::{SceneTables, ShownTop, TableEntries};
 use crate::device::Device;
 use crate::error::RenderError;
 use crate::job::shared::FrameGate;
@@ -87,13 +87,22 @@ impl SceneView {
 pub(crate) struct DeviceScene {
     pub(crate) assets: Arc<SceneAssets>,
     pub(crate) store: AssetStore,
-    tables: Option<SceneTables>,
+    pub(super) tables: Option<SceneTables>,
     /// The host's mirror of the tables.
-    entries: TableEntries,
-    /// True if the tables are those of a scene in core.
-    is_in_core: bool,
-    /// Of a scene in core: see [`Self::stack_entries`].
-    stack: OnceLock<u32>,
+    pub(super) entries: TableEntries,
+    /// True if the tables are those of a scene in core, but for what an edit has left to be written.
+    pub(super) is_in_core: bool,
+    /// Of a scene in core: what each asset needs for [`Self::stack_entries`], and all of them.
+    stacks: OnceLock<(Vec<u32>, u32)>,
+    /// Of a scene in core: the assets among which those that are missing are, if that is known.
+    pub(super) lacking: Option<Vec<AssetId>>,
+    /// After an edit whose entries are not in the tables yet: what these show.
+    pub(super) shown_top: Option<ShownTop>,
+    /// The entries.
+    pub(super) unshown: Vec<AssetId>,
+    /// Assets that were listed, and bytes of tables that were written, since [`Self::load_all`] told them.
+    pub(super) listed: u64,
+    pub(super) table_bytes: u64,
     /// Where held chunks that moved were, by shape: chunks of the scene before that are still on the device.
     before: FxHashMap<u64, AssetKey>,
     /// True until its chunks that are measured late have been.
@@ -140,7 +149,14 @@ impl SceneCache {
             Some(scene) if Arc::ptr_eq(&scene.assets.snapshot, snapshot) => scene.store.forget_arriving(),
             _ => {
                 let textures = self.textures.sync(images, &snapshot.surfaces.textures);
-                let masks = self.textures.opacity_masks(&snapshot.surfaces, &textures.records);
+                let before = self.scene.as_ref().map(|scene| &scene.assets);
+                let masks = match before.filter(|before| before.has_surfaces_of(snapshot, &textures)) {
+                    Some(before) => Arc::clone(&before.masks),
+                    None => self.textures.opacity_masks(&snapshot.surfaces, &textures.records),
+                };
+                if self.scene.as_mut().is_some_and(|scene| scene.edit(snapshot, &textures, &masks)) {
+                    return self.scene.as_mut().ok_or_else(|| RenderError::Internal("the scene was not made".into()));
+                }
                 let before = self.scene.as_ref().map(|scene| &scene.assets);
                 let kept = before.and_then(|assets| assets.with_same_geometry(snapshot, &textures, &masks));
                 let assets = match kept {
@@ -164,12 +180,17 @@ impl SceneCache {
                 let moving: FxHashSet<u64> = assets.shapes().collect();
                 store.shapes().begin(|shape| moving.contains(&shape));
                 self.scene = Some(DeviceScene {
+                    listed: assets.source_count() as u64,
                     assets,
                     store,
                     tables: None,
                     entries: TableEntries::default(),
                     is_in_core: false,
-                    stack: OnceLock::new(),
+                    stacks: OnceLock::new(),
+                    lacking: None,
+                    shown_top: None,
+                    unshown: Vec::new(),
+                    table_bytes: 0,
                     before,
                     is_new: true,
                     maps_tiles: false,
@@ -284,7 +305,19 @@ impl DeviceScene {
     }
 
     fn missing(&self) -> impl Iterator<Item = AssetId> + '_ {
-        self.assets.keys().filter(|(_, key)| self.store.get(key).is_none()).map(|(id, _)| id)
+        let known = self.lacking.as_ref().filter(|_| self.is_in_core);
+        let all = known.is_none().then_some(&self.assets.needed);
+        let looked_at = all.into_iter().chain(known).flatten().copied();
+        looked_at.filter(|asset| self.assets.key(*asset).is_some_and(|key| self.store.get(&key).is_none()))
+    }
+
+    /// As [`AssetStore::take_left_out`].
+    pub(crate) fn take_left_out(&mut self) -> Vec<String> {
+        let left_out = self.store.take_left_out();
+        if !left_out.is_empty() {
+            self.lacking = None;
+        }
+        left_out
     }
 
     /// Loads every asset except texture tiles, which are loaded on demand, and fills the tables. Returns `Ok(false)` if
@@ -297,9 +330,12 @@ impl DeviceScene {
     ) -> Result<bool, RenderError> {
         let started = Instant::now();
         let mut missing: Vec<AssetId> = self.missing().collect();
-        if missing.is_empty() && self.is_in_core {
+        timings.listed_assets += std::mem::take(&mut self.listed);
+        if missing.is_empty() && self.is_in_core && self.shown_top.is_none() {
+            self.lacking = Some(Vec::new());
             return Ok(true);
         }
+        let is_edit = self.is_in_core && self.lacking.is_some();
         // Instance records are loaded first: they take longest, and the last ones should not be waited for alone.
         missing.reverse();
         let mut missing = missing.into_iter().peekable();
@@ -339,8 +375,14 @@ impl DeviceScene {
         }
         timings.upload_secs += started.elapsed().as_secs_f64();
         let started = Instant::now();
-        self.show_all(device)?;
-        (self.is_in_core, self.stack) = (true, OnceLock::new());
+        if is_edit {
+            self.show_edit(device)?;
+        } else {
+            self.show_all(device)?;
+            (self.is_in_core, self.stacks) = (true, OnceLock::new());
+        }
+        self.lacking = Some(Vec::new());
+        timings.table_bytes += std::mem::take(&mut self.table_bytes);
         timings.build_secs += started.elapsed().as_secs_f64();
         Ok(true)
     }
@@ -359,6 +401,7 @@ impl DeviceScene {
 
     fn show_all(&mut self, device: &Device) -> Result<(), RenderError> {
         (self.tables, self.entries) = (None, TableEntries::new(&self.assets));
+        (self.shown_top, self.unshown) = (None, Vec::new());
         let first = self.assets.first_tile();
         let textures = &self.assets.textures;
         let tiles = self.store.tiles().chain(self.store.mapped_tiles());
@@ -366,6 +409,7 @@ impl DeviceScene {
         let there: Vec<AssetId> = self.assets.needed.iter().copied().chain(tiles).collect();
         there.into_iter().for_each(|asset| self.show(asset));
         self.tables = Some(SceneTables::new(device, &self.assets, &self.entries)?);
+        self.table_bytes += SceneTables::bytes(&self.assets);
         Ok(())
     }
 
@@ -432,17 +476,28 @@ impl DeviceScene {
     /// Stack entries that the resident chunks need below the top level.
     pub(crate) fn stack_entries(&self) -> u32 {
         match self.is_in_core {
-            true => *self.stack.get_or_init(|| self.find_stack_entries()),
-            false => self.find_stack_entries(),
+            true => self.stacks.get_or_init(|| self.find_stacks()).1,
+            false => self.find_stacks().1,
         }
     }
 
-    fn find_stack_entries(&self) -> u32 {
-        let own = |asset: AssetId| {
-            let key = self.assets.key(asset);
-            key.and_then(|key| self.store.reached(&key)).map_or(0, |resident| resident.stack)
-        };
-        self.assets.deepest_stack(own)
+    fn find_stacks(&self) -> (Vec<u32>, u32) {
+        let stacks = self.assets.stacks(|asset| self.own_stack(asset));
+        let most = stacks.iter().copied().max().unwrap_or(0);
+        (stacks, most)
+    }
+
+    /// Finds the stack entries of `changed` (sorted) anew.
+    pub(super) fn renew_stacks(&mut self, changed: &[AssetId]) {
+        let Some((mut stacks, _)) = self.stacks.take() else { return };
+        self.assets.renew_stacks(&mut stacks, changed, |asset| self.own_stack(asset));
+        let most = stacks.iter().copied().max().unwrap_or(0);
+        self.stacks = OnceLock::from((stacks, most));
+    }
+
+    fn own_stack(&self, asset: AssetId) -> u32 {
+        let key = self.assets.key(asset);
+        key.and_then(|key| self.store.reached(&key)).map_or(0, |resident| resident.stack)
     }
 
     /// The view for chunks that need `stack_entries` below the top level.

@@ -18,7 +18,7 @@ use oocpt_core::partition::{Chunk, PartitionedWorld};
 use oocpt_core::residency::{AssetId, UnitCatalog, UnitId};
 use oocpt_core::scene::{InstanceTarget, Snapshot};
 use rayon::prelude::*;
-use rustc_hash::{FxHashMap, FxHashSet};
+use rustc_hash::FxHashMap;
 use std::sync::Arc;
 
 /// Most meshes, assemblies or chunk instances: their indices share 32 bits with a flag.
@@ -45,6 +45,8 @@ pub(crate) struct SceneAssets {
     pub(crate) largest_bytes: u64,
     /// The tree over chunk instances.
     pub(crate) top: TopLevel,
+    /// True if some chunk's records move.
+    pub(super) has_held: bool,
     /// `bytes` by content.
     sections: [u64; AssetSource::SECTIONS.len()],
     meshes: usize,
@@ -99,7 +101,7 @@ impl SceneAssets {
                 closure_of(chunk.targets().iter().copied(), own, &closures)
             })
             .collect();
-        let needed = needed(snapshot, meshes, &chunk_rows);
+        let needed = needed(snapshot, sources.len(), meshes, &chunk_rows);
         let of_needed = || needed.iter().filter_map(|id| sources.get(*id as usize));
         let tiles: Vec<u64> = textures.images().flat_map(|(image, _)| image.layout().all_tile_bytes()).collect();
         let tiles: Vec<u64> = tiles.into_iter().map(AssetSource::held_bytes).collect();
@@ -130,10 +132,16 @@ impl SceneAssets {
             tile_bytes,
             largest_bytes,
             top: TopLevel::new(world),
+            has_held: world.chunks.iter().any(|chunk| chunk.is_held()),
             sections,
             meshes,
             assemblies,
         })
+    }
+
+    /// Whether a later snapshot, whose textures are given, has the materials of this one.
+    pub(super) fn has_surfaces_of(&self, snapshot: &Snapshot, textures: &Arc<TextureSet>) -> bool {
+        Arc::ptr_eq(&self.textures, textures) && self.snapshot.surfaces.is_same(&snapshot.surfaces)
     }
 
     /// The assets of a later snapshot, if it has the geometry and textures of this one: an edit of a light, say.
@@ -161,6 +169,65 @@ impl SceneAssets {
             top: TopLevel::new(&snapshot.world),
             ..*self
         })
+    }
+
+    /// Makes these the assets of a later snapshot of which the chunks at `changed` differ, with the same targets, and
+    /// the root. Returns the nodes of the top level of before if there is another.
+    pub(super) fn replace_chunks(
+        &mut self,
+        snapshot: &Arc<Snapshot>,
+        masks: &Arc<OpacityMasks>,
+        changed: &[usize],
+    ) -> Option<Vec<LevelNode>> {
+        let old = std::mem::replace(&mut self.snapshot, Arc::clone(snapshot));
+        self.masks = Arc::clone(masks);
+        if let Some((root, at)) = snapshot.assemblies.last().zip(self.assemblies.checked_sub(1)) {
+            // Chunks have its records.
+            self.replace(asset_id(self.meshes + at), None, AssetSource::Assembly(Arc::clone(root)));
+        }
+        for &at in changed {
+            let Some(chunk) = snapshot.world.chunks.get(at) else { continue };
+            let (own, unit) = (self.chunk_asset(at), UnitId::try_from(at).ok());
+            let [before, after] = [self.replace(own, unit, AssetSource::Chunk(Arc::clone(chunk))), self.parts_of(own)];
+            for (sum, (before, after)) in self.sections.iter_mut().zip(before.into_iter().zip(after)) {
+                *sum = sum.saturating_sub(before).saturating_add(after);
+            }
+        }
+        if !changed.is_empty() {
+            self.bytes = self.sections.iter().sum();
+            self.largest_bytes = self.needed.iter().map(|asset| self.catalog.bytes(*asset)).max().unwrap_or(0);
+        }
+        let is_same = Arc::ptr_eq(&old.world, &snapshot.world);
+        (!is_same).then(|| std::mem::replace(&mut self.top, TopLevel::new(&snapshot.world)).nodes)
+    }
+
+    /// Replaces a source; returns the sections of the one before.
+    fn replace(
+        &mut self,
+        asset: AssetId,
+        unit: Option<UnitId>,
+        source: AssetSource,
+    ) -> [u64; AssetSource::SECTIONS.len()] {
+        let before = self.parts_of(asset);
+        Arc::make_mut(&mut self.catalog).resize(asset, unit, source.bytes());
+        if let Some(slot) = self.sources.get_mut(asset as usize) {
+            *slot = source;
+        }
+        before
+    }
+
+    fn parts_of(&self, asset: AssetId) -> [u64; AssetSource::SECTIONS.len()] {
+        self.sources.get(asset as usize).map(AssetSource::sections).unwrap_or_default()
+    }
+
+    /// The block of a chunk's records.
+    pub(super) fn chunk_asset(&self, chunk: usize) -> AssetId {
+        asset_id(self.meshes + self.assemblies + chunk)
+    }
+
+    /// Number of assets that are no tiles.
+    pub(super) fn source_count(&self) -> usize {
+        self.sources.len()
     }
 
     /// The source of an asset's bytes.
@@ -239,7 +306,9 @@ impl SceneAssets {
 
     /// Shapes of the chunks whose records move.
     pub(crate) fn shapes(&self) -> impl Iterator<Item = u64> + '_ {
-        self.sources.iter().filter_map(AssetSource::shape)
+        // Most scenes have none, and very many chunks.
+        let sources = if self.has_held { &self.sources[..] } else { &[] };
+        sources.iter().filter_map(AssetSource::shape)
     }
 
     /// Makes the top level that of `world`, which is the snapshot's with other bounds.
@@ -249,7 +318,7 @@ impl SceneAssets {
 
     /// The chunks whose records move.
     pub(super) fn held_chunks(&self) -> impl Iterator<Item = &Arc<Chunk>> {
-        self.chunks().filter(|chunk| chunk.is_held())
+        self.chunks().filter(|chunk| self.has_held && chunk.is_held())
     }
 
     /// All chunks.
@@ -280,7 +349,7 @@ impl SceneAssets {
     pub(crate) fn own_asset(&self, unit: UnitId) -> AssetId {
         let (unit, chunks) = (unit as usize, self.chunk_count());
         match unit.checked_sub(chunks) {
-            None => asset_id(self.meshes + self.assemblies + unit),
+            None => self.chunk_asset(unit),
             Some(mesh) if mesh < self.meshes => asset_id(mesh),
             Some(later) => asset_id(self.sources.len() + later - self.meshes),
         }
@@ -301,33 +370,38 @@ impl SceneAssets {
         let mut entries: FxHashMap<AssetId, u32> = FxHashMap::default();
         let mut last = 0;
         for &asset in self.catalog.assets(chunk) {
-            last = own(asset) + self.below(asset, &entries);
+            last = own(asset) + self.below(asset, |below| entries.get(&below).copied());
             entries.insert(asset, last);
         }
         last
     }
 
-    /// The largest [`Self::stack_of`] of all chunks.
-    pub(crate) fn deepest_stack(&self, own: impl Fn(AssetId) -> u32) -> u32 {
-        // Each asset is visited once: many chunks place the same assemblies.
-        let mut entries: FxHashMap<AssetId, u32> = FxHashMap::default();
-        let mut most = 0;
-        for &asset in &self.needed {
-            let below = self.below(asset, &entries);
-            let stack = own(asset) + below;
-            entries.insert(asset, stack);
-            most = most.max(stack);
+    /// [`Self::stack_of`] of each asset that some chunk needs, by its id; 0 of others.
+    pub(crate) fn stacks(&self, own: impl Fn(AssetId) -> u32) -> Vec<u32> {
+        let mut stacks = vec![0; self.sources.len()];
+        // Each asset is visited once, after what it places: many chunks place the same assemblies.
+        self.renew_stacks(&mut stacks, &self.needed, own);
+        stacks
+    }
+
+    /// Makes the stacks of `changed` (sorted) anew.
+    pub(super) fn renew_stacks(&self, stacks: &mut [u32], changed: &[AssetId], own: impl Fn(AssetId) -> u32) {
+        for &asset in changed {
+            let stack = own(asset) + self.below(asset, |below| stacks.get(below as usize).copied());
+            if let Some(slot) = stacks.get_mut(asset as usize) {
+                *slot = stack;
+            }
         }
-        most
     }
 
     /// The stack entries that a walk of any chunk most likely needs, estimated before there are trees over instances.
     pub(crate) fn likely_stack(&self) -> u32 {
-        self.deepest_stack(|asset| self.sources.get(asset as usize).map_or(0, AssetSource::likely_stack))
+        let own = |asset: AssetId| self.sources.get(asset as usize).map_or(0, AssetSource::likely_stack);
+        self.stacks(own).into_iter().max().unwrap_or(0)
     }
 
     /// Stack entries that the targets of `asset` need.
-    fn below(&self, asset: AssetId, entries: &FxHashMap<AssetId, u32>) -> u32 {
+    fn below(&self, asset: AssetId, entries: impl Fn(AssetId) -> Option<u32>) -> u32 {
         match self.sources.get(asset as usize) {
             Some(AssetSource::Assembly(assembly)) => self.deepest(&assembly.targets(), entries),
             Some(AssetSource::Chunk(chunk)) => self.deepest(chunk.targets(), entries),
@@ -335,11 +409,11 @@ impl SceneAssets {
         }
     }
 
-    fn deepest(&self, targets: &[InstanceTarget], entries: &FxHashMap<AssetId, u32>) -> u32 {
+    fn deepest(&self, targets: &[InstanceTarget], entries: impl Fn(AssetId) -> Option<u32>) -> u32 {
         // The depth of a mesh's tree is known before it is loaded.
         let of = |target: &InstanceTarget| match *target {
             InstanceTarget::Mesh(mesh) => self.sources.get(mesh as usize).map(AssetSource::likely_stack),
-            InstanceTarget::Assembly(index) => entries.get(&asset_id(self.meshes + index as usize)).copied(),
+            InstanceTarget::Assembly(index) => entries(asset_id(self.meshes + index as usize)),
         };
         targets.iter().filter_map(of).max().unwrap_or(0)
     }
@@ -380,22 +454,26 @@ fn closures(snapshot: &Snapshot, meshes: usize) -> Vec<Vec<AssetId>> {
 }
 
 /// The assets of all chunks and of what they place, sorted.
-fn needed(snapshot: &Snapshot, meshes: usize, chunk_rows: &[Vec<AssetId>]) -> Vec<AssetId> {
-    let mut needed: FxHashSet<AssetId> = chunk_rows.iter().flatten().copied().collect();
-    let is_placed = |index: &usize| needed.contains(&asset_id(meshes + index));
+fn needed(snapshot: &Snapshot, assets: usize, meshes: usize, chunk_rows: &[Vec<AssetId>]) -> Vec<AssetId> {
+    let mut needed = vec![false; assets];
+    let need = |needed: &mut [bool], asset: AssetId| {
+        if let Some(is_needed) = needed.get_mut(asset as usize) {
+            *is_needed = true;
+        }
+    };
+    chunk_rows.iter().flatten().for_each(|asset| need(&mut needed, *asset));
+    let is_placed = |index: &usize| needed.get(meshes + index) == Some(&true);
     let assemblies: Vec<usize> = (0..snapshot.assemblies.len()).filter(is_placed).collect();
     let mut place = |target: &InstanceTarget| {
         if let InstanceTarget::Mesh(mesh) = *target {
-            needed.insert(mesh);
+            need(&mut needed, mesh);
         }
     };
     for assembly in assemblies.into_iter().filter_map(|index| snapshot.assemblies.get(index)) {
         assembly.targets().iter().for_each(&mut place);
     }
     snapshot.world.chunks.iter().flat_map(|chunk| chunk.targets()).for_each(&mut place);
-    let mut needed: Vec<AssetId> = needed.into_iter().collect();
-    needed.sort_unstable();
-    needed
+    needed.iter().enumerate().filter(|(_, is_needed)| **is_needed).map(|(asset, _)| asset_id(asset)).collect()
 }
 
 /// `own` and all assemblies that the targets need, sorted.

@@ -148,7 +148,9 @@ impl DeviceScene {
     /// Records the table entries of assets that have arrived.
     pub(crate) fn write_entries(&self, commands: &mut CommandList, assets: &[AssetId]) {
         if let Some(tables) = self.tables() {
-            commands.concurrent(|c| tables.update(c, &self.assets, self.entries(), assets));
+            commands.concurrent(|c| {
+                tables.update(c, &self.assets, self.entries(), assets);
+            });
         }
     }
 }

@@ -61,6 +61,14 @@ impl EncodedAssets {
         }
     }
 
+    /// Drops an asset.
+    pub(crate) fn forget(&self, key: &AssetKey) {
+        let mut state = lock(&self.state);
+        if let Some(encoded) = state.encoded.remove(key) {
+            state.bytes -= encoded.bytes();
+        }
+    }
+
     /// Drops the assets that `keep` rejects.
     pub(crate) fn retain(&self, keep: impl Fn(&AssetKey) -> bool) {
         let mut state = lock(&self.state);

@@ -11,6 +11,7 @@ mod cache;
 mod catalog;
 mod copied;
 mod demand;
+mod edited;
 mod encode;
 mod host_heap;
 mod kept;

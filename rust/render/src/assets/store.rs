@@ -102,6 +102,17 @@ impl AssetStore {
         }
     }
 
+    /// Forgets the assets in transit, and these, wherever they are.
+    pub(super) fn forget(&mut self, gone: impl Iterator<Item = AssetKey>) {
+        self.forget_arriving();
+        self.paths_streamed = 0;
+        for key in gone {
+            self.kept.forget(&key);
+            self.device.ready.remove(&key);
+            self.host.ready.remove(&key);
+        }
+    }
+
     /// Forgets everything on the device and in transit, and waits until the loader has released its memory.
     pub(crate) fn clear(&mut self) {
         let held: Vec<_> = self.device.arriving.drain().map(|(_, memory)| memory).collect();

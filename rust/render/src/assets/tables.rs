@@ -15,10 +15,11 @@ use crate::textures::TextureSet;
 use bytemuck::{Pod, Zeroable};
 use oocpt_abi::{GpuAssembly, GpuChunk, GpuChunkInstance, GpuMesh, GpuTexture, LevelNode, PAGE_BROKEN, TEXTURE_SRGB};
 use oocpt_core::inventory::RenderInventory;
-use oocpt_core::partition::{ChunkInstance, PlacedValues};
+use oocpt_core::partition::{ChunkInstance, PartitionedWorld, PlacedValues};
 use oocpt_core::residency::AssetId;
 use oocpt_gpu::{CommandList, HeapRange};
 use std::ops::Range;
+use std::sync::Arc;
 use std::time::Duration;
 
 /// Most bytes that a command writes: the limit of Vulkan.
@@ -32,6 +33,8 @@ const WRITE_TIMEOUT: Duration = Duration::from_secs(60);
 #[derive(Debug)]
 pub(crate) struct SceneTables {
     pub(crate) top_nodes: HeapRange,
+    /// False until `top_nodes` has nodes.
+    has_top: bool,
     pub(crate) chunk_instances: HeapRange,
     pub(crate) chunks: HeapRange,
     pub(crate) assemblies: HeapRange,
@@ -65,6 +68,13 @@ pub(crate) struct TextureTables {
     _directories: Option<HeapRange>,
     /// The linear values of the bytes of sRGB images; the records point to them.
     _decode: HeapRange,
+}
+
+/// What the tables on the device show of the top level, until that of an edit is written.
+#[derive(Debug)]
+pub(super) struct ShownTop {
+    pub(super) world: Arc<PartitionedWorld>,
+    pub(super) nodes: Vec<LevelNode>,
 }
 
 /// The entries that the tables are to hold: the host's mirror.
@@ -203,6 +213,7 @@ impl SceneTables {
         let ring = device.loader()?.ring();
         let mut writer = AssetCopier::new(&device.gpu, ring);
         let tables = Self {
+            has_top: true,
             top_nodes: table(device, &mut writer, "top level", bytemuck::cast_slice(&assets.top.nodes))?,
             chunk_instances: table(device, &mut writer, "chunk instances", bytemuck::cast_slice(&instances))?,
             chunks: table(device, &mut writer, "chunk table", bytemuck::cast_slice(&entries.chunks))?,
@@ -221,15 +232,16 @@ impl SceneTables {
         Ok(tables)
     }
 
-    /// Records commands that make the entries of `changed` (sorted) those of `entries`. A step may change thousands of
-    /// meshes and tiles: those that lie near each other are written by one command, with the entries between them.
+    /// Records commands that make the entries of `changed` (sorted) those of `entries`; returns their bytes. A step may
+    /// change thousands of meshes and tiles: those that lie near each other are written by one command, with the
+    /// entries between them.
     pub(crate) fn update(
         &self,
         commands: &mut CommandList,
         assets: &SceneAssets,
         entries: &TableEntries,
         changed: &[AssetId],
-    ) {
+    ) -> u64 {
         let [mut meshes, mut assemblies, mut chunks, mut tiles] = [const { Vec::new() }; 4];
         for &asset in changed {
             match assets.slot(asset) {
@@ -239,23 +251,56 @@ impl SceneTables {
                 AssetSlot::Tile(at) => tiles.push(at),
             }
         }
-        write(commands, &self.meshes, &entries.meshes, &meshes);
-        write(commands, &self.assemblies, &entries.assemblies, &assemblies);
-        write(commands, &self.chunks, &entries.chunks, &chunks);
+        let mut bytes = write(commands, &self.meshes, &entries.meshes, &meshes)
+            + write(commands, &self.assemblies, &entries.assemblies, &assemblies)
+            + write(commands, &self.chunks, &entries.chunks, &chunks);
         if let Some(textures) = &self.textures {
-            write(commands, &textures.pages, &entries.pages, &tiles);
+            bytes += write(commands, &textures.pages, &entries.pages, &tiles);
         }
+        bytes
+    }
+
+    /// Makes room for the nodes of another top level, of which nothing is there yet.
+    pub(super) fn make_room(&mut self, device: &Device, assets: &SceneAssets) -> Result<(), RenderError> {
+        let bytes = size_of_val(&assets.top.nodes[..]) as u64;
+        if bytes > self.top_nodes.size() {
+            self.top_nodes = device.heap.alloc("top level", bytes, 16)?;
+            self.has_top = false;
+        }
+        Ok(())
+    }
+
+    /// Records commands that make the top level that of `assets`, which places as many chunks as `before`; returns
+    /// their bytes.
+    pub(super) fn update_top(&mut self, commands: &mut CommandList, assets: &SceneAssets, before: &ShownTop) -> u64 {
+        let (nodes, instances) = (&assets.top.nodes, &assets.snapshot.world.instances);
+        let is_there = std::mem::replace(&mut self.has_top, true);
+        let is_new = |at: &usize| !is_there || before.nodes.get(*at) != nodes.get(*at);
+        let changed: Vec<usize> = (0..nodes.len()).filter(is_new).collect();
+        let bytes = write(commands, &self.top_nodes, nodes, &changed);
+        let is_new = |at: &usize| before.world.instances.get(*at) != instances.get(*at);
+        let changed: Vec<usize> = (0..instances.len()).filter(is_new).collect();
+        runs(&changed, size_of::<GpuChunkInstance>()).into_iter().fold(bytes, |bytes, run| {
+            let offset = (run.start * size_of::<GpuChunkInstance>()) as u64;
+            let placed: Vec<GpuChunkInstance> =
+                instances.get(run).unwrap_or_default().iter().map(chunk_instance).collect();
+            commands.update(&self.chunk_instances, offset, bytemuck::cast_slice(&placed));
+            bytes + size_of_val(&placed[..]) as u64
+        })
     }
 }
 
-/// Writes the entries at `places` (sorted) of a table.
-fn write<T: Pod>(commands: &mut CommandList, table: &HeapRange, entries: &[T], places: &[usize]) {
+/// Writes the entries at `places` (sorted) of a table; returns their bytes.
+fn write<T: Pod>(commands: &mut CommandList, table: &HeapRange, entries: &[T], places: &[usize]) -> u64 {
+    let mut bytes = 0;
     for run in runs(places, size_of::<T>()) {
         let offset = (run.start * size_of::<T>()) as u64;
         if let Some(entries) = entries.get(run) {
             commands.update(table, offset, bytemuck::cast_slice(entries));
+            bytes += size_of_val(entries) as u64;
         }
     }
+    bytes
 }
 
 /// Ranges that hold all of `places` (sorted) and few others, none longer than a command takes; entries have so many

@@ -142,8 +142,8 @@ pub(crate) struct CommittedScene {
     pub(crate) identity: Option<u128>,
     /// Names of what samples meet, for whoever asks for them.
     pub(crate) names: Option<Arc<PrimNames>>,
-    /// Meshes that the session has built so far.
-    pub(crate) meshes_made: u64,
+    /// Meshes that the session has built so far; of these, the refitted ones.
+    pub(crate) meshes_made: (u64, u64),
     /// Bytes of host memory that can be put nowhere else; 0 where there is no budget of it.
     pub(crate) fixed_host_bytes: u64,
 }
@@ -452,7 +452,7 @@ mod tests {
     fn scene() -> CommittedScene {
         let snapshot = SceneDb::new().commit().snapshot;
         let primvars = Vec::new().into();
-        CommittedScene { snapshot, primvars, identity: None, names: None, meshes_made: 0, fixed_host_bytes: 0 }
+        CommittedScene { snapshot, primvars, identity: None, names: None, meshes_made: (0, 0), fixed_host_bytes: 0 }
     }
 
     /// Asks for a picture of this width and ends its commit; the scene is that of before.

@@ -60,8 +60,8 @@ pub(crate) struct RenderJob {
     pub(crate) scene: Option<u128>,
     /// Names of what samples meet, if an image needs them.
     pub(crate) names: Option<Arc<PrimNames>>,
-    /// Meshes that the session had built when it was posted.
-    pub(crate) meshes_made: u64,
+    /// Meshes that the session had built when it was posted; of these, the refitted ones.
+    pub(crate) meshes_made: (u64, u64),
     /// Bytes of host memory that can be put nowhere else; 0 where there is no budget of it.
     pub(crate) fixed_host_bytes: u64,
     /// It may go on with the samples of a picture that differs in their number alone, or in what ends it.

@@ -65,6 +65,11 @@ pub struct RenderTimings {
     pub trace_secs: f64,
     /// Times that the tables of lights were made and sent: none where the lights are those of the frame before.
     pub light_tables: u64,
+    /// Meshes, assemblies and chunks that were listed to find what the device lacks: none of a scene that it has, few
+    /// after an edit in core.
+    pub listed_assets: u64,
+    /// Bytes of the scene's tables that were written in core, but for tiles of textures.
+    pub table_bytes: u64,
     /// Bytes uploaded.
     pub uploaded_bytes: u64,
     /// Trees over records of instances.
@@ -111,6 +116,8 @@ impl RenderTimings {
         self.warmed_up_pipelines += next.warmed_up_pipelines;
         self.trace_secs += next.trace_secs;
         self.light_tables += next.light_tables;
+        self.listed_assets += next.listed_assets;
+        self.table_bytes += next.table_bytes;
         self.uploaded_bytes += next.uploaded_bytes;
         self.levels.built += next.levels.built;
         self.levels.refitted += next.levels.refitted;

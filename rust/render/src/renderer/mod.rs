@@ -341,7 +341,7 @@ impl Renderer {
             self.render_beyond(context, scene, gate, progress)
         };
         progress.note_levels(scene.store.shapes().take_counts());
-        for complaint in scene.assets.textures.take_complaints().into_iter().chain(scene.store.take_left_out()) {
+        for complaint in scene.assets.textures.take_complaints().into_iter().chain(scene.take_left_out()) {
             gate.shared().report(Severity::Warning, complaint);
         }
         self.scene = scenes;

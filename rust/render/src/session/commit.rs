@@ -95,7 +95,8 @@ impl SessionScene {
         for line in summary(&commit.warnings) {
             shared.report(Severity::Warning, line);
         }
-        let (primvars, meshes_made) = (self.primvars_of(commit.snapshot.version), self.db.meshes_made());
+        let primvars = self.primvars_of(commit.snapshot.version);
+        let meshes_made = (self.db.meshes_made(), self.db.meshes_refitted());
         let has_file = [&settings.checkpoint, &settings.film_part].iter().any(|file| !file.is_empty());
         let identity = (has_file && !settings.interactive).then(|| self.identity(ask));
         let names = ask.names_things().then(|| Arc::new(self.db.prim_names(&ask.naming())));

@@ -385,7 +385,9 @@ impl<'a> SceneResidency<'a> {
         let mut changed = std::mem::take(&mut self.changed);
         changed.sort_unstable();
         changed.dedup();
-        commands.concurrent(|c| self.tables.update(c, &self.assets, &self.entries, &changed));
+        commands.concurrent(|c| {
+            self.tables.update(c, &self.assets, &self.entries, &changed);
+        });
     }
 
     /// Returns true if the next step would write table entries.

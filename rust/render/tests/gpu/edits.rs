@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 //! An edited scene renders as if it had been built that way, and unedited assets stay on the device.
 
-use crate::scenes::{constant, dome, instancer, nested, prim, sphere, square, sun};
+use crate::scenes::{constant, dome, instanced, instancer, nested, prim, sphere, square, sun};
 use crate::support::{images, perspective, read_all, render, request, session, settings};
 use glam::{DMat4, DQuat, DVec3};
 use oocpt_core::scene::SceneDb;
+use oocpt_core::settings::Settings;
 use oocpt_render::RenderRequest;
 
 fn view() -> RenderRequest {
@@ -124,4 +125,57 @@ fn moving_one_mesh_uploads_records_but_no_mesh() {
     let second = session.timings().uploaded_bytes;
     assert!(first > 48 * 6240, "the sphere is uploaded first, its triangles at least: {first} bytes");
     assert!(second < 1000, "moving it uploads its record only, not {second} bytes");
+}
+
+/// A square crowd of balls in many chunks; `lifted`: balls at its corners that are not where they were.
+fn crowd(db: &mut SceneDb, lifted: &[usize]) {
+    const SIDE: usize = 90;
+    let place = |number: usize| {
+        let [x, z] = [number % SIDE, number / SIDE].map(|at| 0.1 * f64::from(u32::try_from(at).expect("few")) - 4.5);
+        let y = if lifted.contains(&number) { 0.4 } else { 0.0 };
+        (DVec3::new(x, y, z), DQuat::IDENTITY, DVec3::splat(0.05))
+    };
+    let places: Vec<_> = (0..SIDE * SIDE).map(place).collect();
+    db.upsert_instancer(instancer(prim("/crowd", DMat4::IDENTITY), "/crowd/ball", &places));
+}
+
+#[test]
+fn an_edit_costs_what_it_touches_in_a_scene_of_many_chunks() {
+    let (request, settings) = (view(), Settings { chunk_size_kib: 16, ..settings(2, 2) });
+    let build = |db: &mut SceneDb, lifted: &[usize]| {
+        db.upsert_mesh(sphere(instanced(prim("/crowd/ball", DMat4::IDENTITY), "/crowd"), 2, 4, 0.7));
+        db.upsert_mesh(square(prim("/ground", DMat4::from_scale(DVec3::splat(6.0))), 1, 0.5));
+        crowd(db, lifted);
+        db.upsert_light(dome([0.4, 0.5, 0.6]));
+    };
+    let session = session(settings.clone());
+    session.with_scene(|db| build(db, &[]));
+    render(&session, &request);
+    let whole = session.timings();
+    assert!(whole.listed_assets > 64, "all are listed first: {}", whole.listed_assets);
+    assert!(whole.table_bytes > 64 * 100, "and all tables are written: {} bytes", whole.table_bytes);
+    session.with_scene(|db| db.upsert_light(dome([0.5; 3])));
+    render(&session, &request);
+    let light = session.timings();
+    assert_eq!((light.listed_assets, light.table_bytes), (0, 0), "a light is in no list and no table of the scene");
+    // The second edit begins where the first has left tables and stacks.
+    for lifted in [&[0][..], &[0, 8099]] {
+        session.with_scene(|db| crowd(db, lifted));
+        render(&session, &request);
+        let placed = session.timings();
+        assert!((1..=4).contains(&placed.listed_assets), "chunks that a ball leaves and enters: {placed:?}");
+        let share = whole.table_bytes / 4;
+        assert!((1..share).contains(&placed.table_bytes), "{} of {} bytes", placed.table_bytes, whole.table_bytes);
+        assert!(placed.uploaded_bytes < whole.uploaded_bytes / 8, "{} bytes sent", placed.uploaded_bytes);
+    }
+    let edited = read_all(&session, &request);
+    let fresh = |db: &mut SceneDb| {
+        build(db, &[0, 8099]);
+        db.upsert_light(dome([0.5; 3]));
+    };
+    assert!(edited == images(fresh, settings.clone(), &request), "the picture is that of a fresh render");
+    // More than lights and places differs: everything is listed.
+    session.with_scene(|db| db.upsert_mesh(square(prim("/ground", DMat4::from_scale(DVec3::splat(5.0))), 1, 0.2)));
+    render(&session, &request);
+    assert!(session.timings().listed_assets > 64, "another mesh");
 }

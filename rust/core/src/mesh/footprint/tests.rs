@@ -181,7 +181,7 @@ fn child(case: &Case) {
     let mut put = |_| clusters += 1;
     let built = pool.install(|| match &patch {
         Some(patch) => build_patch_into((&desc, patch), &demand, 1, cuts, &mut put),
-        None => build_mesh_into(&desc, &demand, 1, cuts, &mut put),
+        None => build_mesh_into(&desc, &demand, 1, cuts, (None, &mut put)),
     });
     let took = status("VmHWM:").saturating_sub(before);
     assert_eq!(built.asset.is_none(), clusters > 0, "{}", case.name);

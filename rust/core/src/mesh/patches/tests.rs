@@ -141,7 +141,7 @@ const LIMITS: ClusterLimits = ClusterLimits { limit_bytes: u64::MAX, cluster_byt
 
 /// What is made of `desc` as a whole mesh, sorted.
 fn built_at_once(desc: &MeshDesc, demand: &BuildDemand<'_>) -> Vec<SeenTriangle> {
-    let built = build_mesh_into(desc, demand, 0, LIMITS, &mut |_| panic!("nothing is split"));
+    let built = build_mesh_into(desc, demand, 0, LIMITS, (None, &mut |_| panic!("nothing is split")));
     let mut seen = triangles(&built.asset.expect("triangles"));
     seen.sort();
     seen

@@ -12,3 +12,4 @@ mod mesh_lights;
 mod mesh_placements;
 mod patches;
 mod primvar_uses;
+mod refits;
