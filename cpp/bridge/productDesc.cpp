@@ -3,6 +3,7 @@
 
 #include "bridge/renderDesc.h"
 #include "bridge/scalar.h"
+#include "bridge/text.h"
 #include "oocpt-bridge/src/lib.rs.h"
 
 #include <algorithm>
@@ -14,17 +15,12 @@ PXR_NAMESPACE_OPEN_SCOPE
 
 namespace {
 
-rust::String _Text(const std::string& text)
-{
-    return rust::String::lossy(text);
-}
-
 rust::Vec<oocpt::NamedValue> _DescribeSettings(const HdOocPTSettingMap& settings)
 {
     rust::Vec<oocpt::NamedValue> values;
     for (const auto& [key, value] : settings) {
         oocpt::NamedValue named {};
-        named.key = _Text(key.GetString());
+        named.key = HdOocPTText(key.GetString());
         if (HdOocPTToScalar(value, &named.value)) {
             values.push_back(std::move(named));
         }
@@ -98,11 +94,11 @@ rust::Vec<oocpt::ProductDesc> HdOocPTDescribeProducts(
     for (const HdOocPTProduct& product : reader.GetProducts()) {
         const std::optional<HdOocPTProductView> view = reader.GetProductView(product);
         oocpt::ProductDesc desc {};
-        desc.path = _Text(product.path.GetString());
-        desc.name = _Text(product.name);
+        desc.path = HdOocPTText(product.path.GetString());
+        desc.name = HdOocPTText(product.name);
         if (!view) {
-            desc.missing
-                = _Text("its camera <" + product.camera.GetString() + "> or its resolution is not there, or is empty");
+            desc.missing = HdOocPTText(
+                "its camera <" + product.camera.GetString() + "> or its resolution is not there, or is empty");
             descs.push_back(std::move(desc));
             continue;
         }
@@ -112,13 +108,14 @@ rust::Vec<oocpt::ProductDesc> HdOocPTDescribeProducts(
                     + "> opens and closes at other times than that of the host's camera, which counts");
         }
         const std::array<int32_t, 4> pixels = _Pixels(product);
-        desc.kind = _Text(product.type.GetString());
+        desc.kind = HdOocPTText(product.type.GetString());
         for (const HdOocPTProductVar& var : product.vars) {
-            desc.vars.push_back({ _Text(var.path.GetString()), _Text(var.dataType.GetString()), _Text(var.sourceName),
-                _Text(var.sourceType.GetString()), _DescribeSettings(var.settings) });
+            desc.vars.push_back(
+                { HdOocPTText(var.path.GetString()), HdOocPTText(var.dataType.GetString()), HdOocPTText(var.sourceName),
+                    HdOocPTText(var.sourceType.GetString()), _DescribeSettings(var.settings) });
         }
         desc.settings = _DescribeSettings(product.settings);
-        desc.color_space = _Text(product.colorSpace.GetString());
+        desc.color_space = HdOocPTText(product.colorSpace.GetString());
         desc.pixel_aspect = static_cast<float>(view->pixelAspectRatio);
         desc.display_size
             = { static_cast<uint32_t>(product.resolution[0]), static_cast<uint32_t>(product.resolution[1]) };

@@ -2,6 +2,7 @@
 #include "bridge/renderDesc.h"
 
 #include "bridge/scalar.h"
+#include "bridge/text.h"
 #include "oocpt-bridge/src/lib.rs.h"
 #include "pxr/base/gf/vec2d.h"
 #include "pxr/base/gf/vec4d.h"
@@ -25,7 +26,7 @@ uint32_t _Size(int pixels)
 oocpt::AovDesc _DescribeAov(const HdOocPTAovRequest& aov)
 {
     oocpt::AovDesc desc {};
-    desc.name = rust::String::lossy(aov.name.GetString());
+    desc.name = HdOocPTText(aov.name);
     desc.has_clear = HdOocPTToClear(aov.clearValue, &desc.clear);
     return desc;
 }
@@ -85,7 +86,7 @@ oocpt::RenderDesc HdOocPTDescribeRender(const HdOocPTRenderRequest& request, con
     }
     static const TfTokenVector all { TfToken("geometry"), TfToken("render"), TfToken("proxy"), TfToken("guide") };
     for (const TfToken& tag : request.renderTags.empty() ? all : request.renderTags) {
-        desc.purposes.push_back(rust::String::lossy(HdOocPTPurposeOfTag(tag).GetString()));
+        desc.purposes.push_back(HdOocPTText(HdOocPTPurposeOfTag(tag).GetString()));
     }
     return desc;
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "bridge/scalar.h"
 
+#include "bridge/text.h"
 #include "oocpt-bridge/src/lib.rs.h"
 #include "pxr/base/gf/half.h"
 #include "pxr/base/gf/vec2d.h"
@@ -52,11 +53,11 @@ bool _TakeReal(const VtValue& value, oocpt::ScalarValue* scalar)
 bool _TakeText(const VtValue& value, oocpt::ScalarValue* scalar)
 {
     if (value.IsHolding<std::string>()) {
-        scalar->text = rust::String::lossy(value.UncheckedGet<std::string>());
+        scalar->text = HdOocPTText(value.UncheckedGet<std::string>());
     } else if (value.IsHolding<TfToken>()) {
-        scalar->text = rust::String::lossy(value.UncheckedGet<TfToken>().GetString());
+        scalar->text = HdOocPTText(value.UncheckedGet<TfToken>().GetString());
     } else if (value.IsHolding<SdfAssetPath>()) {
-        scalar->text = rust::String::lossy(value.UncheckedGet<SdfAssetPath>().GetAssetPath());
+        scalar->text = HdOocPTText(value.UncheckedGet<SdfAssetPath>().GetAssetPath());
     } else {
         return false;
     }

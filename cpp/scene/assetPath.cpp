@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "scene/assetPath.h"
 
+#include "bridge/text.h"
 #include "oocpt-bridge/src/lib.rs.h"
 #include "pxr/base/tf/stringUtils.h"
 #include "pxr/usd/ar/resolvedPath.h"
@@ -35,7 +36,7 @@ oocpt::AssetDesc HdOocPTDescribeAsset(const VtValue& value)
         }
         resolved = ArGetResolver().Resolve(slashes).GetPathString();
     }
-    return { rust::String::lossy(authored), rust::String::lossy(resolved) };
+    return { HdOocPTText(authored), HdOocPTText(resolved) };
 }
 
 ArResolverContext HdOocPTFindResolverContext(HdSceneIndexBase& scene)

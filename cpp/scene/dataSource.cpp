@@ -5,6 +5,7 @@
 #include "pxr/base/gf/matrix4f.h"
 #include "pxr/base/gf/vec3d.h"
 #include "pxr/base/gf/vec3h.h"
+#include "pxr/base/vt/array.h"
 
 #include <cstdint>
 #include <string>
@@ -102,6 +103,21 @@ bool HdOocPTConvert(const VtValue& value, TfToken* result)
         return true;
     }
     return _TakeAs<TfToken>(value, result);
+}
+
+std::string HdOocPTReadText(const VtValue& value)
+{
+    TfToken text;
+    if (HdOocPTConvert(value, &text)) {
+        return text.GetString();
+    }
+    if (value.IsHolding<VtArray<std::string>>() && !value.UncheckedGet<VtArray<std::string>>().empty()) {
+        return value.UncheckedGet<VtArray<std::string>>().cdata()[0];
+    }
+    if (value.IsHolding<VtArray<TfToken>>() && !value.UncheckedGet<VtArray<TfToken>>().empty()) {
+        return value.UncheckedGet<VtArray<TfToken>>().cdata()[0].GetString();
+    }
+    return std::string();
 }
 
 PXR_NAMESPACE_CLOSE_SCOPE

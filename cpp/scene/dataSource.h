@@ -10,6 +10,7 @@
 #include "pxr/pxr.h"
 
 #include <initializer_list>
+#include <string>
 
 PXR_NAMESPACE_OPEN_SCOPE
 
@@ -33,6 +34,9 @@ bool HdOocPTConvert(const VtValue& value, float* result);
 bool HdOocPTConvert(const VtValue& value, GfVec3f* result);
 bool HdOocPTConvert(const VtValue& value, GfMatrix4d* result);
 bool HdOocPTConvert(const VtValue& value, TfToken* result);
+
+/// The text that a value holds, of an array its first; empty if it holds none.
+std::string HdOocPTReadText(const VtValue& value);
 
 PXR_NAMESPACE_CLOSE_SCOPE
 

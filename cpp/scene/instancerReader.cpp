@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "scene/instancerReader.h"
 
+#include "bridge/text.h"
 #include "oocpt-bridge/src/lib.rs.h"
 #include "pxr/base/vt/array.h"
 #include "scene/dataSource.h"
@@ -132,7 +133,7 @@ oocpt::InstancerDesc HdOocPTDescribeInstancer(const SdfPath& path, const HdOocPT
     HdOocPTFillPrim(path, state.prim, &desc.prim);
     desc.prototypes.reserve(state.prototypes.size());
     for (const auto& [root, indices] : state.prototypes) {
-        desc.prototypes.push_back({ rust::String::lossy(root.GetString()), HdOocPTHoldArray(indices) });
+        desc.prototypes.push_back({ HdOocPTText(root), HdOocPTHoldArray(indices) });
     }
     desc.mask = HdOocPTHoldArray(state.mask);
     desc.translations = HdOocPTHoldArray(state.translations);
@@ -143,7 +144,7 @@ oocpt::InstancerDesc HdOocPTDescribeInstancer(const SdfPath& path, const HdOocPT
     desc.primvars = HdOocPTDescribePrimvars(state.primvars);
     for (const TfTokenVector& set : state.links.sets) {
         for (const TfToken& category : set) {
-            desc.link_names.push_back(rust::String::lossy(category.GetString()));
+            desc.link_names.push_back(HdOocPTText(category));
         }
         desc.link_sizes.push_back(static_cast<uint32_t>(set.size()));
     }

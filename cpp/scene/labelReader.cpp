@@ -12,29 +12,14 @@ PXR_NAMESPACE_OPEN_SCOPE
 
 namespace {
 
-/// The text of a constant primvar; of an array the first element.
-std::string _Text(const VtValue& value)
-{
-    TfToken text;
-    if (HdOocPTConvert(value, &text)) {
-        return text.GetString();
-    }
-    if (value.IsHolding<VtArray<std::string>>() && !value.UncheckedGet<VtArray<std::string>>().empty()) {
-        return value.UncheckedGet<VtArray<std::string>>().cdata()[0];
-    }
-    if (value.IsHolding<VtArray<TfToken>>() && !value.UncheckedGet<VtArray<TfToken>>().empty()) {
-        return value.UncheckedGet<VtArray<TfToken>>().cdata()[0].GetString();
-    }
-    return std::string();
-}
-
 } // namespace
 
 std::string HdOocPTReadLabel(const HdContainerDataSourceHandle& container)
 {
     const auto& tokens = *HdOocPTSceneTokens;
     for (const TfToken& name : HdOocPTLabelTokens->allTokens) {
-        const std::string text = _Text(HdOocPTRead(container, { tokens.primvars, name, tokens.primvarValue }));
+        const std::string text
+            = HdOocPTReadText(HdOocPTRead(container, { tokens.primvars, name, tokens.primvarValue }));
         if (!text.empty()) {
             return text;
         }
@@ -71,7 +56,7 @@ std::vector<std::string> HdOocPTReadTexts(
     TfToken interpolation;
     HdOocPTConvert(HdOocPTRead(primvar, { tokens.interpolation }), &interpolation);
     if (!isOfInstances) {
-        const std::string text = _Text(HdOocPTRead(primvar, { tokens.primvarValue }));
+        const std::string text = HdOocPTReadText(HdOocPTRead(primvar, { tokens.primvarValue }));
         const bool isOfPrim = interpolation.IsEmpty() || interpolation == tokens.constant;
         return isOfPrim && !text.empty() ? std::vector<std::string> { text } : std::vector<std::string>();
     }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "scene/lightReader.h"
 
+#include "bridge/text.h"
 #include "oocpt-bridge/src/lib.rs.h"
 #include "pxr/base/gf/matrix4d.h"
 #include "pxr/base/gf/vec3f.h"
@@ -58,7 +59,7 @@ public:
     /// The identifier of the light's shading node.
     const TfToken& GetShader() const { return _shader; }
 
-    rust::String GetText(const TfToken& name) const { return rust::String::lossy(Get(name, TfToken()).GetString()); }
+    rust::String GetText(const TfToken& name) const { return HdOocPTText(Get(name, TfToken()).GetString()); }
 
 private:
     HdContainerDataSourceHandle _light;
@@ -137,7 +138,7 @@ rust::String _ReadLabel(const HdOocPTPrimSource& source, const _Inputs& inputs)
             return text;
         }
     }
-    return rust::String::lossy(HdOocPTReadLabel(source.container));
+    return HdOocPTText(HdOocPTReadLabel(source.container));
 }
 
 /// Warns of light shaders of other renderers, which may have any inputs. A schema's own is named as its type; the
@@ -217,7 +218,7 @@ oocpt::LightDesc HdOocPTReadLight(const HdOocPTPrimSource& source, const TfToken
     if (type == tokens.mesh) {
         desc.kind = _MaterialSync(inputs);
         // MESH_LIGHT of the renderer's core: no prim has such a name.
-        desc.prim.path = rust::String::lossy(source.path.GetString() + HdOocPTMeshLightSuffix);
+        desc.prim.path = HdOocPTText(source.path.GetString() + HdOocPTMeshLightSuffix);
     }
     _ReadShape(inputs, &desc);
     _ReadEmission(inputs, &desc);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "scene/links.h"
 
+#include "bridge/text.h"
 #include "oocpt-bridge/src/lib.rs.h"
 #include "pxr/base/vt/array.h"
 #include "scene/dataSource.h"
@@ -253,10 +254,10 @@ HdOocPTInstanceLinks HdOocPTReadInstanceLinks(const HdSceneIndexBase& scene, con
 void HdOocPTSetCategories(const std::pair<TfToken, TfToken>& categories, oocpt::LightDesc* light)
 {
     if (!categories.first.IsEmpty()) {
-        light->light_link = rust::String::lossy(categories.first.GetString());
+        light->light_link = HdOocPTText(categories.first);
     }
     if (!categories.second.IsEmpty()) {
-        light->shadow_link = rust::String::lossy(categories.second.GetString());
+        light->shadow_link = HdOocPTText(categories.second);
     }
 }
 

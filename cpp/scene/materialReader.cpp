@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "scene/materialReader.h"
 
+#include "bridge/text.h"
 #include "oocpt-bridge/src/lib.rs.h"
 #include "pxr/base/gf/vec2d.h"
 #include "pxr/base/gf/vec2f.h"
@@ -25,11 +26,6 @@
 PXR_NAMESPACE_OPEN_SCOPE
 
 namespace {
-
-rust::String _Text(const TfToken& token)
-{
-    return rust::String::lossy(token.GetString());
-}
 
 TfTokenVector _SortedNames(const HdContainerDataSourceHandle& container)
 {
@@ -80,7 +76,7 @@ bool _TakeScalar(const VtValue& value, oocpt::ParamDesc* param)
         param->asset = HdOocPTDescribeAsset(value);
     } else if (HdOocPTConvert(value, &text)) {
         param->tag = oocpt::ParamTag::Text;
-        param->text = _Text(text);
+        param->text = HdOocPTText(text);
     } else {
         return false;
     }
@@ -94,7 +90,7 @@ void _ReadParams(const HdContainerDataSourceHandle& node, oocpt::NodeDesc* desc)
     for (const TfToken& name : _SortedNames(params)) {
         const VtValue value = HdOocPTRead(params, { name, tokens.value });
         oocpt::ParamDesc param {};
-        param.name = _Text(name);
+        param.name = HdOocPTText(name);
         // Matrices, arrays and the like have no meaning in the nodes that the renderer knows; it warns if they are
         // used.
         if (_TakeScalar(value, &param) || _TakeVectors(value, &param)) {
@@ -107,8 +103,8 @@ void _ReadParams(const HdContainerDataSourceHandle& node, oocpt::NodeDesc* desc)
         if (!colorSpace.IsEmpty() && !params->Get(colorSpaceName)) {
             oocpt::ParamDesc space {};
             space.tag = oocpt::ParamTag::Text;
-            space.name = _Text(colorSpaceName);
-            space.text = _Text(colorSpace);
+            space.name = HdOocPTText(colorSpaceName);
+            space.text = HdOocPTText(colorSpace);
             desc->params.push_back(std::move(space));
         }
     }
@@ -140,7 +136,8 @@ void _ReadConnections(
         HdOocPTConvert(HdOocPTRead(connection, { tokens.upstreamNodeOutputName }), &output);
         const int32_t number = _NumberOf(upstream, nodes);
         if (number >= 0) {
-            desc->connections.push_back({ _Text(name), first + static_cast<uint32_t>(number), _Text(output) });
+            desc->connections.push_back(
+                { HdOocPTText(name), first + static_cast<uint32_t>(number), HdOocPTText(output) });
         }
     }
 }
@@ -189,9 +186,9 @@ private:
             // The new front end names nodes relative to the material.
             const std::string& text = name.GetString();
             const bool isAbsolute = !text.empty() && text.front() == '/';
-            item.path = rust::String::lossy(isAbsolute ? text : _source.path.GetString() + "/" + text);
+            item.path = HdOocPTText(isAbsolute ? text : _source.path.GetString() + "/" + text);
             const HdOocPTNodeDefinition definition = HdOocPTFindNodeDefinition(node);
-            item.kind = _Text(definition.name);
+            item.kind = HdOocPTText(definition.name);
             _ReadParams(node, &item);
             if (!definition.file.IsEmpty()) {
                 oocpt::ParamDesc param {};
@@ -219,7 +216,7 @@ oocpt::MaterialDesc HdOocPTReadMaterial(const HdOocPTPrimSource& source)
 {
     const auto& tokens = *HdOocPTSceneTokens;
     oocpt::MaterialDesc desc {};
-    desc.path = rust::String::lossy(source.path.GetString());
+    desc.path = HdOocPTText(source.path);
     // A terminal that a context lacks is taken from the next one, each by itself.
     _Network networks[] { { source, tokens.mtlx }, { source, tokens.universal } };
     const auto terminal = [&](const TfToken& name) {

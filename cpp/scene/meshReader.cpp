@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "scene/meshReader.h"
 
+#include "bridge/text.h"
 #include "oocpt-bridge/src/lib.rs.h"
 #include "pxr/base/vt/array.h"
 #include "scene/dataSource.h"
@@ -221,11 +222,6 @@ void _ReadSubsets(const HdSceneIndexBase& scene, const HdOocPTPrimSource& mesh, 
         [](const HdOocPTSubsetState& a, const HdOocPTSubsetState& b) { return a.path < b.path; });
 }
 
-rust::String _Text(const SdfPath& path)
-{
-    return rust::String::lossy(path.GetString());
-}
-
 } // namespace
 
 void HdOocPTReadMesh(
@@ -297,10 +293,10 @@ oocpt::MeshDesc HdOocPTDescribeMesh(const SdfPath& path, const HdOocPTMeshState&
     desc.display_color = HdOocPTDescribePrimvar(state.displayColor);
     desc.display_opacity = HdOocPTDescribePrimvar(state.displayOpacity);
     desc.primvars = HdOocPTDescribePrimvars(state.primvars);
-    desc.material = _Text(state.material);
-    desc.label = rust::String::lossy(state.label);
+    desc.material = HdOocPTText(state.material);
+    desc.label = HdOocPTText(state.label);
     for (const auto& [name, value] : state.rayPrimvars) {
-        desc.ray_primvars.push_back({ rust::String::lossy(name), rust::String::lossy(value) });
+        desc.ray_primvars.push_back({ HdOocPTText(name), HdOocPTText(value) });
     }
     desc.prim.visible = desc.prim.visible && !state.pass.isLeftOut;
     desc.pass_hides = state.pass.isHiddenFromCamera;
@@ -308,12 +304,13 @@ oocpt::MeshDesc HdOocPTDescribeMesh(const SdfPath& path, const HdOocPTMeshState&
     for (const HdOocPTSubsetState& subset : state.subsets) {
         // The new front end copies the mesh's binding to subsets that have none, such as those that only group faces.
         if (subset.material != state.material) {
-            desc.subsets.push_back({ _Text(subset.path), _Text(subset.material), HdOocPTHoldArray(subset.faces) });
+            desc.subsets.push_back(
+                { HdOocPTText(subset.path), HdOocPTText(subset.material), HdOocPTHoldArray(subset.faces) });
         }
     }
     desc.categories.reserve(state.categories.size());
     for (const TfToken& category : state.categories) {
-        desc.categories.push_back(rust::String::lossy(category.GetString()));
+        desc.categories.push_back(HdOocPTText(category));
     }
     return desc;
 }

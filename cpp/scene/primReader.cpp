@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "scene/primReader.h"
 
+#include "bridge/text.h"
 #include "oocpt-bridge/src/lib.rs.h"
 #include "pxr/base/vt/array.h"
 #include "scene/dataSource.h"
@@ -66,15 +67,14 @@ void HdOocPTReadPrim(const HdOocPTPrimSource& source, HdOocPTPrimState* state)
 
 void HdOocPTFillPrim(const SdfPath& path, const HdOocPTPrimState& state, oocpt::PrimDesc* desc)
 {
-    desc->path = rust::String::lossy(path.GetString());
+    desc->path = HdOocPTText(path);
     std::copy_n(state.transform.GetArray(), 16, desc->transform.begin());
     HdOocPTFillMotion(state.motion, &desc->motion);
     desc->visible = state.visible;
-    desc->purpose = rust::String::lossy(state.purpose.GetString());
+    desc->purpose = HdOocPTText(state.purpose);
     desc->instanced_by.reserve(state.instancedBy.size());
     for (const auto& [instancer, root] : state.instancedBy) {
-        desc->instanced_by.push_back(
-            { rust::String::lossy(instancer.GetString()), rust::String::lossy(root.GetString()) });
+        desc->instanced_by.push_back({ HdOocPTText(instancer), HdOocPTText(root) });
     }
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "scene/primvarReader.h"
 
+#include "bridge/text.h"
 #include "oocpt-bridge/src/lib.rs.h"
 #include "scene/dataSource.h"
 #include "scene/tokens.h"
@@ -94,7 +95,7 @@ rust::Vec<oocpt::NamedPrimvarDesc> HdOocPTDescribePrimvars(const HdOocPTNamedPri
     rust::Vec<oocpt::NamedPrimvarDesc> descs;
     descs.reserve(primvars.size());
     for (const auto& [name, primvar] : primvars) {
-        descs.push_back({ rust::String::lossy(name.GetString()), HdOocPTDescribePrimvar(primvar) });
+        descs.push_back({ HdOocPTText(name), HdOocPTDescribePrimvar(primvar) });
     }
     return descs;
 }

@@ -39,15 +39,6 @@ HdOocPTSettingMap _ReadNamespaced(const HdContainerDataSourceHandle& container)
     return settings;
 }
 
-std::string _Text(const VtValue& value)
-{
-    TfToken token;
-    if (value.IsHolding<std::string>()) {
-        return value.UncheckedGet<std::string>();
-    }
-    return HdOocPTConvert(value, &token) ? token.GetString() : std::string();
-}
-
 /// The elements of a vector of containers.
 std::vector<HdContainerDataSourceHandle> _Elements(const HdContainerDataSourceHandle& container, const TfToken& name)
 {
@@ -71,7 +62,7 @@ HdOocPTProductVar _ReadVar(const HdContainerDataSourceHandle& container)
     HdOocPTProductVar var;
     var.path = _Read(container, tokens.path).GetWithDefault<SdfPath>();
     HdOocPTConvert(_Read(container, tokens.dataType), &var.dataType);
-    var.sourceName = _Text(_Read(container, tokens.sourceName));
+    var.sourceName = HdOocPTReadText(_Read(container, tokens.sourceName));
     HdOocPTConvert(_Read(container, tokens.sourceType), &var.sourceType);
     var.settings = _ReadNamespaced(container);
     return var;
@@ -83,7 +74,7 @@ HdOocPTProduct _ReadProduct(const HdContainerDataSourceHandle& container)
     HdOocPTProduct product;
     product.path = _Read(container, tokens.path).GetWithDefault<SdfPath>();
     HdOocPTConvert(_Read(container, tokens.type), &product.type);
-    product.name = _Text(_Read(container, tokens.name));
+    product.name = HdOocPTReadText(_Read(container, tokens.name));
     product.camera = _Read(container, tokens.cameraPrim).GetWithDefault<SdfPath>();
     product.resolution = _Read(container, tokens.resolution).GetWithDefault<GfVec2i>(GfVec2i(0));
     HdOocPTConvert(_Read(container, tokens.pixelAspectRatio), &product.pixelAspectRatio);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "scene/sceneReader.h"
 
+#include "bridge/text.h"
 #include "oocpt-bridge/src/lib.rs.h"
 #include "pxr/base/vt/array.h"
 #include "pxr/base/work/loops.h"
@@ -60,11 +61,6 @@ bool _IsPlain(const SdfPath& path)
     return path.IsPrimPath() && !path.ContainsPrimVariantSelection();
 }
 
-rust::String _Text(const SdfPath& path)
-{
-    return rust::String::lossy(path.GetString());
-}
-
 } // namespace
 
 HdOocPTSceneReader::HdOocPTSceneReader(const HdSceneIndexBaseRefPtr& scene)
@@ -102,7 +98,7 @@ void HdOocPTSceneReader::Read(const PrimIdLookup& primIdOf, oocpt::SceneEdits* e
     _DirtyBits below;
     for (const _Job& job : jobs) {
         if (job.isBroken) {
-            edits->removed.push_back(_Text(job.path));
+            edits->removed.push_back(HdOocPTText(job.path));
             _AddBelow(job.path, &below);
         }
     }
@@ -114,7 +110,7 @@ void HdOocPTSceneReader::Read(const PrimIdLookup& primIdOf, oocpt::SceneEdits* e
     std::move(more.begin(), more.end(), std::back_inserter(jobs));
     for (_Job& job : jobs) {
         if (job.losesLight) {
-            edits->removed.push_back(rust::String::lossy(job.path.GetString() + HdOocPTMeshLightSuffix));
+            edits->removed.push_back(HdOocPTText(job.path.GetString() + HdOocPTMeshLightSuffix));
         }
         if (job.mesh) {
             edits->meshes.push_back(std::move(*job.mesh));
@@ -152,11 +148,11 @@ void HdOocPTSceneReader::_TakeRemovals(const std::vector<SdfPath>& removed, oocp
             _settingsPrims.erase(it->first);
             _links.Remove(it->first);
             if (!_IsPlain(it->first) && it->first != root) {
-                edits->removed.push_back(_Text(it->first));
+                edits->removed.push_back(HdOocPTText(it->first));
             }
         }
         if (any) {
-            edits->removed.push_back(_Text(root));
+            edits->removed.push_back(HdOocPTText(root));
         }
         _records.erase(root);
     }
@@ -164,7 +160,7 @@ void HdOocPTSceneReader::_TakeRemovals(const std::vector<SdfPath>& removed, oocp
 
 void HdOocPTSceneReader::_RemoveAlone(const SdfPath& path, oocpt::SceneEdits* edits, _DirtyBits* dirty)
 {
-    edits->removed.push_back(_Text(path));
+    edits->removed.push_back(HdOocPTText(path));
     _settingsPrims.erase(path);
     _links.Remove(path);
     _AddBelow(path, dirty);
@@ -494,10 +490,10 @@ rust::Vec<oocpt::PrimTextsDesc> HdOocPTSceneReader::ReadTexts(const TfToken& pri
             continue;
         }
         oocpt::PrimTextsDesc desc;
-        desc.path = _Text(named.path);
+        desc.path = HdOocPTText(named.path);
         desc.texts.reserve(named.texts.size());
         for (const std::string& text : named.texts) {
-            desc.texts.push_back(rust::String::lossy(text));
+            desc.texts.push_back(HdOocPTText(text));
         }
         descs.push_back(std::move(desc));
     }
