@@ -17,7 +17,8 @@ PXR_NAMESPACE_OPEN_SCOPE
 /// The membership expression of a prim's collection; none if the prim has no such collection. Safe on any thread.
 std::optional<SdfPathExpression> HdOocPTReadMembership(const HdContainerDataSourceHandle& prim, const TfToken& name);
 
-/// A collection whose members an expression over paths tells. Predicates, which test more than paths, are not supported.
+/// A collection whose members an expression over paths tells. Predicates, which test more than paths, are not
+/// supported.
 ///
 /// Threads: Holds() from several at once.
 class HdOocPTPathCollection
