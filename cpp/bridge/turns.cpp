@@ -54,6 +54,7 @@ void HdOocPTTurns::RemoveBuffer(const void* buffer)
     }
     if (_turn == buffer) {
         _turn = nullptr;
+        _isTurnLost = !_viewports.empty();
     }
 }
 
@@ -92,7 +93,8 @@ bool HdOocPTTurns::Take(const HdOocPTRenderRequest& request, const HdOocPTLens& 
         return false;
     }
     const auto before = _viewports.find(_turn);
-    if (_turn == request.viewport || before == _viewports.end()) {
+    const bool isLeft = before != _viewports.end();
+    if (_turn == request.viewport || (!isLeft && !_isTurnLost)) {
         _turn = request.viewport;
         return true;
     }
@@ -100,11 +102,16 @@ bool HdOocPTTurns::Take(const HdOocPTRenderRequest& request, const HdOocPTLens& 
     lock.unlock();
     const Jobs jobs = findJobs();
     bool isKept = isConverged;
-    for (const auto& [buffer, keep] : before->second.buffers) {
-        isKept = keep() && isKept;
+    if (isLeft) {
+        for (const auto& [buffer, keep] : before->second.buffers) {
+            isKept = keep() && isKept;
+        }
     }
     lock.lock();
-    before->second.isFinal = isKept && !before->second.isOld;
+    if (isLeft) {
+        before->second.isFinal = isKept && !before->second.isOld;
+    }
+    _isTurnLost = false;
     _turn = request.viewport;
     _executionsOfOthers = 0;
     _isOwnDue = true;

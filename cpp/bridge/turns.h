@@ -75,6 +75,8 @@ private:
     mutable std::mutex _mutex;
     std::map<const void*, _Viewport> _viewports;
     const void* _turn = nullptr;
+    /// The viewport that had the turn is gone, and others are not.
+    bool _isTurnLost = false;
     /// Executions of others since the one of the turn was executed.
     unsigned int _executionsOfOthers = 0;
     /// The picture that is shown may be of the turn before; the first job that is surely of this one.

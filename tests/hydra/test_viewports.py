@@ -168,12 +168,20 @@ for _ in range(40):
     view.other.step()
 kept = [(pixels() == before).all(), view.other.step()]
 until(lambda: (pixels() != before).any(), view.step)
-result = [bool(one) for one in kept]
 view.other.close()
+view.other = Viewport('/World/Side', {size})
+until(lambda: view.other.read()[0].any(), view.step, view.other.step)
+own, others = pixels(), view.other.read()[0]
+view.other.close()
+for _ in range(20):
+    view.step()
+    kept.append(abs(pixels() - own).mean() < abs(pixels() - others).mean())
+result = [bool(one) for one in kept]
 """
 
 
-def test_a_viewport_that_is_hidden_gives_its_turn_up(host, library):
+def test_a_viewport_that_is_hidden_or_closed_gives_its_turn_up(host, library):
     with host.open(scene(), SIZE, aovs=("color", "sampleCount"), settings=ENDLESS) as view:
-        is_kept, is_final = run(view, library, HIDDEN.format(size=SIZE))
+        is_kept, is_final, *are_own = run(view, library, HIDDEN.format(size=SIZE))
     assert is_kept and not is_final, "the other one goes on, and the first one keeps what it shows"
+    assert all(are_own), "the picture of the one that was closed is shown"

@@ -9,7 +9,7 @@ import threading
 
 import bpy
 
-from . import materials
+from . import materials, pins
 
 # Blender divides the strength of suns by 4, and halves their angle.
 SUN_STRENGTH, SUN_ANGLE = 4.0, 2.0
@@ -246,26 +246,34 @@ def _paths_of_objects(prims):
 
 
 def _author_links(api, collection, paths):
-    """As Blender has it: a collection that includes something reaches that alone, one that only excludes the rest.
-
-    By an expression that matches below any root: Blender 5.2 puts the stage below one of its own in Hydra's scene,
-    which paths of relationships do not follow.
-    """
-    from pxr import Sdf
-
+    """As Blender has it: a collection that includes something reaches that alone, one that only excludes the rest."""
     if collection is None:
         return
     states = {name: state for state, name in _linked(collection)}
-    of = {state: [path for name, one in states.items() if one == state for path in paths.get(name, ())]
-          for state in ("INCLUDE", "EXCLUDE")}  # fmt: skip
-    reached = _below(of["INCLUDE"]) if "INCLUDE" in states.values() else "//"
-    text = f"({reached}) - ({_below(of['EXCLUDE'])})" if of["EXCLUDE"] else reached
+    included = [path for name, state in states.items() if state == "INCLUDE" for path in paths.get(name, ())]
+    excluded = [path for name, state in states.items() if state == "EXCLUDE" for path in paths.get(name, ())]
+    is_rest = "INCLUDE" not in states.values()
+    if pins.OPENUSD < (0, 26, 3):
+        # Its scene delegate takes all expressions for the same collection.
+        api.CreateIncludeRootAttr(is_rest)
+        api.CreateIncludesRel().SetTargets(included)
+        api.CreateExcludesRel().SetTargets(excluded)
+    else:
+        _author_expression(api, is_rest, included, excluded)
+
+
+def _author_expression(api, is_rest, included, excluded):
+    """One that matches below any root: Blender 5.2 puts the stage below a root of its own in Hydra's scene, which paths
+    of relationships do not follow."""
+    from pxr import Sdf
+
+    reached, spared = (" + ".join(f"/{path}//" for path in paths) for paths in (included, excluded))
+    if is_rest:
+        text = f"~({spared})" if spared else "//"
+    else:
+        text = f"({reached}) - ({spared})" if reached and spared else reached
     api.CreateIncludeRootAttr(False)
     api.CreateMembershipExpressionAttr(Sdf.PathExpression(text))
-
-
-def _below(paths):
-    return " + ".join(f"/{path}//" for path in paths)
 
 
 def _linked(collection):

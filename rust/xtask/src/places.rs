@@ -164,6 +164,17 @@ mod tests {
     }
 
     #[test]
+    fn the_table_of_versions_lists_every_host_and_its_blender() {
+        let page = include_str!("../../book/src/hosts.md");
+        for host in &WHEEL_HOSTS {
+            let start = format!("| {} | `bpy=={}` | {} |", host.usd, host.bpy, host.python);
+            let row = page.lines().find(|line| line.starts_with(&start)).expect(&start);
+            let blender = host.bpy.rsplit_once('.').expect("three numbers").0;
+            assert!(row.contains(&format!("extension for Blender {blender}")), "{row}");
+        }
+    }
+
+    #[test]
     fn the_cache_follows_its_variable_then_home() {
         let home = || Some(OsString::from("/home/someone"));
         assert_eq!(cache_root(Some("/big/disk".into()), home()).unwrap(), Path::new("/big/disk"), "explicit");
