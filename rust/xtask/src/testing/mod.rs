@@ -2,8 +2,9 @@
 //! Runs every test: builds the workspace and the plugin, then runs groups of tests, a process each, a few at a time.
 //!
 //! A group of Rust tests is a test program, or a module of one ([`groups`]); a group of Python tests is a pytest
-//! ([`python`]). With a process for every test, each would start its device anew, and load its passes. Groups share them, and can show a fault that only appears with the
-//! second scene of a process. A test that crashes or hangs ends its group; its lines name it.
+//! ([`python`]). With a process for every test, each would start its device anew, and load its passes. Groups share
+//! them, and can show a fault that only appears with the second scene of a process. A test that crashes or hangs ends
+//! its group; its lines name it.
 
 mod groups;
 mod python;
