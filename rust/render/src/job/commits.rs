@@ -37,6 +37,8 @@ pub(crate) struct RenderAsk {
     pub(crate) products: Arc<[ProductFile]>,
     /// Other pictures, for files alone, that are rendered before it; batch sessions only.
     pub(crate) before: Arc<[ProductPicture]>,
+    /// When the host asked.
+    pub(crate) asked_at: Instant,
 }
 
 impl RenderAsk {
@@ -98,7 +100,7 @@ impl RenderAsk {
     }
 
     fn job(self, scene: CommittedScene, generation: u64, goes_on: bool) -> Arc<RenderJob> {
-        let Self { request, settings, options, images, files, products, before: _ } = self;
+        let Self { request, settings, options, images, files, products, before: _, asked_at } = self;
         let CommittedScene { snapshot, primvars, identity, names, meshes_made, fixed_host_bytes } = scene;
         Arc::new(RenderJob {
             request: with_catchers(request, &snapshot),
@@ -117,6 +119,7 @@ impl RenderAsk {
             film_window: None,
             catches_up: false,
             team: None,
+            asked_at,
             generation,
         })
     }
@@ -446,6 +449,7 @@ mod tests {
             files: Arc::clone(files),
             products: Arc::default(),
             before: Arc::default(),
+            asked_at: Instant::now(),
         }
     }
 

@@ -31,6 +31,7 @@ use oocpt_core::scene::{PrimNames, Snapshot};
 use oocpt_core::settings::Settings;
 use oocpt_film::ExactFilm;
 use std::sync::{Arc, Mutex};
+use std::time::Instant;
 
 /// What the job of one of several devices knows of the picture that they render together.
 #[derive(Clone, Debug)]
@@ -72,6 +73,8 @@ pub(crate) struct RenderJob {
     pub(crate) team: Option<TeamWork>,
     /// It brings pixels that a moved window has anew to the samples of the others, which nobody sees before the rest.
     pub(crate) catches_up: bool,
+    /// When the host asked for it.
+    pub(crate) asked_at: Instant,
     /// The generation of `RenderControl` when the job was posted.
     pub(crate) generation: u64,
 }

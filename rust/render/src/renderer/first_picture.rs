@@ -24,6 +24,11 @@ use std::time::Duration;
 /// What the first picture may take to trace, seconds.
 const TARGET_SECS: f64 = 0.02;
 const TARGET_SECS_CPU: f64 = 0.07;
+/// When it should be traced, seconds after the host asked: a commit that takes long leaves less time.
+const DUE_SECS: f64 = 0.025;
+const DUE_SECS_CPU: f64 = 0.085;
+/// The share of the target that is left, however late it is.
+const LEAST_SHARE: f64 = 0.3;
 /// Paths a second of a device that has traced none yet.
 const UNKNOWN_PACE: f64 = 2e7;
 const UNKNOWN_PACE_CPU: f64 = 3e5;
@@ -64,10 +69,15 @@ impl TracingPace {
         self.rate = Some(self.rate.map_or(new, |old| old.min(new)));
     }
 
-    /// By what to divide the sides of a picture of so many pixels.
-    fn factor(self, pixels: u64, is_cpu: bool) -> u32 {
-        let [target, unknown] = if is_cpu { [TARGET_SECS_CPU, UNKNOWN_PACE_CPU] } else { [TARGET_SECS, UNKNOWN_PACE] };
-        let most = self.rate.unwrap_or(unknown) * target;
+    /// By what to divide the sides of a picture of so many pixels that the host asked for so long ago.
+    fn factor(self, pixels: u64, is_cpu: bool, ago: Duration) -> u32 {
+        let [target, due, unknown] = if is_cpu {
+            [TARGET_SECS_CPU, DUE_SECS_CPU, UNKNOWN_PACE_CPU]
+        } else {
+            [TARGET_SECS, DUE_SECS, UNKNOWN_PACE]
+        };
+        let left = (due - ago.as_secs_f64()).clamp(LEAST_SHARE * target, target);
+        let most = self.rate.unwrap_or(unknown) * left;
         let fits = |factor: &u32| approximate(pixels) / f64::from(factor * factor) <= most;
         FACTORS.into_iter().find(fits).unwrap_or(FACTORS[FACTORS.len() - 1])
     }
@@ -103,18 +113,16 @@ pub(crate) struct FirstPictures {
 impl FirstPictures {
     /// Whether a coarser picture is shown before so many pixels of `job` have a sample.
     pub(crate) fn comes_first(&self, device: &Device, job: &RenderJob, pixels: u64) -> bool {
-        let factor = self.pace.factor(pixels, is_cpu(device));
+        let factor = self.pace.factor(pixels, is_cpu(device), job.asked_at.elapsed());
         #[cfg(feature = "faults")]
         let factor = job.options.faults.first_picture.unwrap_or(factor);
-        #[cfg(not(feature = "faults"))]
-        let _ = job;
         factor > 1
     }
 
     /// The first picture of `job`; none where the host does not want to see images on the way, or where a sample of
     /// each pixel is as fast, or where there is no memory for it.
     pub(crate) fn begin(&mut self, device: &Device, job: &RenderJob) -> Option<FirstPicture> {
-        let factor = self.pace.factor(job.request.pixels(), is_cpu(device));
+        let factor = self.pace.factor(job.request.pixels(), is_cpu(device), job.asked_at.elapsed());
         #[cfg(feature = "faults")]
         let factor = job.options.faults.first_picture.unwrap_or(factor);
         if !job.settings.interactive || factor <= 1 || job.request.aovs.is_empty() || job.catches_up {
@@ -266,13 +274,23 @@ mod tests {
 
     #[test]
     fn the_first_picture_is_as_fine_as_the_pace_allows() {
-        let of =
-            |rate: Option<f64>, pixels: u64| [true, false].map(|is_cpu| TracingPace { rate }.factor(pixels, is_cpu));
+        let of = |rate: Option<f64>, pixels: u64| {
+            [true, false].map(|is_cpu| TracingPace { rate }.factor(pixels, is_cpu, Duration::ZERO))
+        };
         assert_eq!(of(None, 64 * 64), [1, 1], "a small picture needs none");
         assert_eq!(of(None, 1280 * 720), [8, 2], "nothing is known");
         assert_eq!(of(Some(1e6), 1280 * 720), [4, 8], "a million paths a second");
         assert_eq!(of(Some(1e9), 1280 * 720), [1, 1], "a fast device");
         assert_eq!(of(Some(1e3), 1280 * 720), [8, 8], "none is fast enough");
+    }
+
+    #[test]
+    fn a_late_picture_is_coarser() {
+        let of = |ago: u64| {
+            let pace = TracingPace { rate: Some(6e7) };
+            pace.factor(1280 * 720, false, Duration::from_millis(ago))
+        };
+        assert_eq!([0, 5, 9, 10, 18, 1000].map(of), [1, 1, 1, 2, 2, 2], "a sample of each pixel takes 15 ms");
     }
 
     #[test]
@@ -292,11 +310,11 @@ mod tests {
     #[test]
     fn a_picture_that_is_given_up_says_how_fast_the_device_is_at_most() {
         let (mut pace, pixels) = (TracingPace { rate: Some(1e6) }, 57_600);
-        assert_eq!(pace.factor(pixels, true), 1, "a whole sample is thought to be as fast");
+        assert_eq!(pace.factor(pixels, true, Duration::ZERO), 1, "a whole sample is thought to be as fast");
         pace.learn_at_most(pixels, 0.01);
         assert_eq!(pace.rate(), Some(1e6), "it was too short to tell");
         pace.learn_at_most(pixels, 0.1);
         assert_eq!(pace.rate(), Some(5.76e5), "it was not");
-        assert_eq!(pace.factor(pixels, true), 2, "so the next one has a first picture");
+        assert_eq!(pace.factor(pixels, true, Duration::ZERO), 2, "so the next one has a first picture");
     }
 }

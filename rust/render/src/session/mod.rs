@@ -188,7 +188,7 @@ impl Session {
         before.iter_mut().for_each(|picture| add_guides(&mut picture.request, &settings));
         let (products, before) = (plan.of_host.clone().into(), before.into());
         drop(planned);
-        let ask = RenderAsk { request, settings, options, images, files, products, before };
+        let ask = RenderAsk { request, settings, options, images, files, products, before, asked_at: Instant::now() };
         let asked = self.shared.control().ask(ask);
         let Some(is_new) = asked else { return };
         if is_cut && is_new {

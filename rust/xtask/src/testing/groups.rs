@@ -16,7 +16,7 @@ use crate::shell;
 /// Programs that run by modules, since all of one would take longer than everything else: crate and target.
 const BY_MODULE: [(&str, &str); 1] = [("render", "gpu")];
 /// Submodules in groups of their own: they differ from the rest, or are as long as all of it.
-const APART: [&str; 2] = ["streaming::roulette", "textures::programs"];
+const APART: [&str; 1] = ["streaming::roulette"];
 /// Crates whose tests open a device.
 const WITH_DEVICE: [&str; 7] = ["bench", "bridge", "extreme", "gpu", "judge", "render", "traverse"];
 /// Groups that ask whether the order in which threads of the device get on shows. In all others Mesa's software driver
@@ -35,8 +35,7 @@ const THREADED: [&str; 10] = [
 ];
 /// Groups in which Mesa's software driver translates passes for most of the time and runs each on few rays: it does not
 /// optimise their code, which halves that time. Elsewhere slower code costs more than this saves.
-const MOSTLY_TRANSLATED: [&str; 4] =
-    ["extreme table", "render features", "render materials", "render textures::programs"];
+const MOSTLY_TRANSLATED: [&str; 3] = ["extreme table", "render features", "render materials"];
 /// Groups of a minute or more.
 const LONG: [&str; 12] = [
     "extreme table",
