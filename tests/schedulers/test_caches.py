@@ -35,8 +35,8 @@ def ends(process):
 
 
 def stopped_while_it_writes(folder):
-    """A job that is stopped, not ended, while a texture of its is half written, and that file. One that was quicker than
-    the signal is begun again in empty caches."""
+    """A job that is stopped, not ended, while a texture of its is half written, and that file. One that was quicker
+    than the signal is begun again in empty caches."""
     for _ in range(20):
         job = start(folder, "killed.exr", "caches")
         end = time.monotonic() + 120
