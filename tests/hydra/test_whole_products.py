@@ -2,16 +2,15 @@
 """Files of products, flat and deep, are whole or those from before: when a disk is full, when the process is killed."""
 
 import os
-import pathlib
 import shlex
 import signal
 import subprocess
-import time
 
 import numpy as np
 import OpenEXR
 import pytest
 
+import stopped
 from test_products import CAMERA, product, stage
 
 # What a file is of: an empty picture packs to nothing, noise does not.
@@ -85,15 +84,19 @@ def test_a_kill_while_it_is_written_leaves_the_old_file(tmp_path, kind):
         file.write(str(path))
     before = path.read_bytes()
     line = write(tmp_path, kind, path, size)
-    process = subprocess.Popen(line, env=variables(), stderr=subprocess.DEVNULL, start_new_session=True)
-    try:
-        end = time.monotonic() + 120
-        while process.poll() is None and len(os.listdir(folder)) < 2 and time.monotonic() < end:
-            time.sleep(2e-4)
-        beside = [name for name in os.listdir(folder) if name != "a.exr"]
-    finally:
-        os.killpg(process.pid, signal.SIGKILL)
-        process.wait()
-    assert len(beside) == 1, "it was being written"
+
+    def start():
+        for file in folder.iterdir():
+            file.unlink()
+        path.write_bytes(before)
+        return subprocess.Popen(line, env=variables(), stderr=subprocess.DEVNULL, start_new_session=True)
+
+    def find():
+        return next((file for file in folder.iterdir() if file != path), None)
+
+    process, beside = stopped.while_it_writes(start, find)
+    os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+    assert list(folder.iterdir()) != [path], "it was being written"
     assert path.read_bytes() == before, "the old file"
-    assert not pathlib.Path(beside[0]).suffix == ".exr", "what is half done is no picture by its name"
+    assert not beside.suffix == ".exr", "what is half done is no picture by its name"

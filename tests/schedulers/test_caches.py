@@ -2,7 +2,6 @@
 """Jobs that share the folders of their caches, one of them killed while it writes."""
 
 import os
-import pathlib
 import shutil
 import signal
 import subprocess
@@ -14,6 +13,7 @@ from test_textures import STAGE
 
 import compare
 import exr
+import stopped
 
 
 def start(folder, out, caches):
@@ -34,33 +34,18 @@ def ends(process):
     assert "WARNING" not in said.upper() and "cache" not in said, said
 
 
-def stopped_while_it_writes(folder):
-    """A job that is stopped, not ended, while a texture of its is half written, and that file. One that was quicker
-    than the signal is begun again in empty caches."""
-    for _ in range(20):
-        job = start(folder, "killed.exr", "caches")
-        end = time.monotonic() + 120
-        while not (parts := list(folder.glob("caches/texture/*.part"))):
-            assert job.poll() is None and time.monotonic() < end, job.communicate()[0]
-            time.sleep(0.0002)
-        os.killpg(job.pid, signal.SIGSTOP)
-        while pathlib.Path(f"/proc/{job.pid}/stat").read_text().rpartition(")")[2].split()[0] not in "TZ":
-            time.sleep(0.0002)
-        if parts[0].exists():
-            return job, parts[0]
-        os.killpg(job.pid, signal.SIGKILL)
-        job.communicate()
-        shutil.rmtree(folder / "caches")
-    raise AssertionError("twenty jobs ended their file before they could be stopped")
-
-
 def test_a_job_that_is_killed_while_it_writes_costs_another_nothing(tmp_path):
     """Both begin with empty folders; a third one takes what the second has left."""
     texels = np.random.default_rng(1).integers(0, 256, (1024, 1024, 3), np.uint8)
     Image.fromarray(texels).save(tmp_path / "a.png", compress_level=1)
     (tmp_path / "scene.usda").write_text(STAGE.replace("FILE", "./a.png").replace("EXTENT", "1"))
     ends(start(tmp_path, "alone.exr", None))
-    killed, part = stopped_while_it_writes(tmp_path)
+
+    def begin():
+        shutil.rmtree(tmp_path / "caches", ignore_errors=True)
+        return start(tmp_path, "killed.exr", "caches")
+
+    killed, part = stopped.while_it_writes(begin, lambda: next(tmp_path.glob("caches/texture/*.part"), None))
     other = start(tmp_path, "other.exr", "caches")
     os.killpg(killed.pid, signal.SIGKILL)
     killed.communicate()
