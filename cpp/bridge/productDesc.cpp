@@ -20,7 +20,7 @@ rust::Vec<oocpt::NamedValue> _DescribeSettings(const HdOocPTSettingMap& settings
     rust::Vec<oocpt::NamedValue> values;
     for (const auto& [key, value] : settings) {
         oocpt::NamedValue named {};
-        named.key = HdOocPTText(key.GetString());
+        named.key = HdOocPTText(key);
         if (HdOocPTToScalar(value, &named.value)) {
             values.push_back(std::move(named));
         }
@@ -94,7 +94,7 @@ rust::Vec<oocpt::ProductDesc> HdOocPTDescribeProducts(
     for (const HdOocPTProduct& product : reader.GetProducts()) {
         const std::optional<HdOocPTProductView> view = reader.GetProductView(product);
         oocpt::ProductDesc desc {};
-        desc.path = HdOocPTText(product.path.GetString());
+        desc.path = HdOocPTText(product.path);
         desc.name = HdOocPTText(product.name);
         if (!view) {
             desc.missing = HdOocPTText(
@@ -108,14 +108,13 @@ rust::Vec<oocpt::ProductDesc> HdOocPTDescribeProducts(
                     + "> opens and closes at other times than that of the host's camera, which counts");
         }
         const std::array<int32_t, 4> pixels = _Pixels(product);
-        desc.kind = HdOocPTText(product.type.GetString());
+        desc.kind = HdOocPTText(product.type);
         for (const HdOocPTProductVar& var : product.vars) {
-            desc.vars.push_back(
-                { HdOocPTText(var.path.GetString()), HdOocPTText(var.dataType.GetString()), HdOocPTText(var.sourceName),
-                    HdOocPTText(var.sourceType.GetString()), _DescribeSettings(var.settings) });
+            desc.vars.push_back({ HdOocPTText(var.path), HdOocPTText(var.dataType), HdOocPTText(var.sourceName),
+                HdOocPTText(var.sourceType), _DescribeSettings(var.settings) });
         }
         desc.settings = _DescribeSettings(product.settings);
-        desc.color_space = HdOocPTText(product.colorSpace.GetString());
+        desc.color_space = HdOocPTText(product.colorSpace);
         desc.pixel_aspect = static_cast<float>(view->pixelAspectRatio);
         desc.display_size
             = { static_cast<uint32_t>(product.resolution[0]), static_cast<uint32_t>(product.resolution[1]) };

@@ -86,7 +86,7 @@ oocpt::RenderDesc HdOocPTDescribeRender(const HdOocPTRenderRequest& request, con
     }
     static const TfTokenVector all { TfToken("geometry"), TfToken("render"), TfToken("proxy"), TfToken("guide") };
     for (const TfToken& tag : request.renderTags.empty() ? all : request.renderTags) {
-        desc.purposes.push_back(HdOocPTText(HdOocPTPurposeOfTag(tag).GetString()));
+        desc.purposes.push_back(HdOocPTText(HdOocPTPurposeOfTag(tag)));
     }
     return desc;
 }

@@ -55,7 +55,7 @@ bool _TakeText(const VtValue& value, oocpt::ScalarValue* scalar)
     if (value.IsHolding<std::string>()) {
         scalar->text = HdOocPTText(value.UncheckedGet<std::string>());
     } else if (value.IsHolding<TfToken>()) {
-        scalar->text = HdOocPTText(value.UncheckedGet<TfToken>().GetString());
+        scalar->text = HdOocPTText(value.UncheckedGet<TfToken>());
     } else if (value.IsHolding<SdfAssetPath>()) {
         scalar->text = HdOocPTText(value.UncheckedGet<SdfAssetPath>().GetAssetPath());
     } else {

@@ -59,7 +59,7 @@ public:
     /// The identifier of the light's shading node.
     const TfToken& GetShader() const { return _shader; }
 
-    rust::String GetText(const TfToken& name) const { return HdOocPTText(Get(name, TfToken()).GetString()); }
+    rust::String GetText(const TfToken& name) const { return HdOocPTText(Get(name, TfToken())); }
 
 private:
     HdContainerDataSourceHandle _light;

@@ -6,7 +6,7 @@
 use super::cache::DeviceScene;
 use super::catalog::SceneAssets;
 use super::source::AssetKey;
-use super::tables::ShownTop;
+use super::tables::{ShownTop, WRITE_TIMEOUT};
 use crate::device::Device;
 use crate::error::RenderError;
 use crate::textures::{OpacityMasks, TextureSet};
@@ -14,12 +14,9 @@ use oocpt_core::partition::PartitionedWorld;
 use oocpt_core::residency::AssetId;
 use oocpt_core::scene::Snapshot;
 use std::sync::Arc;
-use std::time::Duration;
 
 /// One chunk in so many may change, or one; of more, all are listed anew.
 const SPARSE: usize = 8;
-/// The longest time that writing the tables may take before the device counts as lost.
-const WRITE_TIMEOUT: Duration = Duration::from_secs(60);
 
 fn are_same<T>(old: &[Arc<T>], new: &[Arc<T>]) -> bool {
     old.len() == new.len() && old.iter().zip(new).all(|(old, new)| Arc::ptr_eq(old, new))

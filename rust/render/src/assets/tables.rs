@@ -27,7 +27,7 @@ const MAX_UPDATE_BYTES: usize = 64 << 10;
 /// Unchanged bytes between two changed entries that are written along: a command costs more than these.
 const MAX_GAP_BYTES: usize = 1 << 10;
 /// The longest time that writing the tables may take before the device counts as lost.
-const WRITE_TIMEOUT: Duration = Duration::from_secs(60);
+pub(super) const WRITE_TIMEOUT: Duration = Duration::from_secs(60);
 
 /// The tables of a scene on the device.
 #[derive(Debug)]

@@ -11,7 +11,7 @@ use crate::job::edits::EditQueue;
 use crate::job::light_files::LightFiles;
 use crate::job::product::{ProductFile, ProductPicture};
 use crate::job::request::RenderRequest;
-use crate::job::{RenderJob, SessionOptions};
+use crate::job::{MeshCounts, RenderJob, SessionOptions};
 use crate::textures::ImageLibrary;
 use oocpt_core::inventory::PrimvarUse;
 use oocpt_core::scene::{NamingPrimvar, PrimNames, Snapshot};
@@ -101,7 +101,7 @@ impl RenderAsk {
 
     fn job(self, scene: CommittedScene, generation: u64, goes_on: bool) -> Arc<RenderJob> {
         let Self { request, settings, options, images, files, products, before: _, asked_at } = self;
-        let CommittedScene { snapshot, primvars, identity, names, meshes_made, fixed_host_bytes } = scene;
+        let CommittedScene { snapshot, primvars, identity, names, meshes, fixed_host_bytes } = scene;
         Arc::new(RenderJob {
             request: with_catchers(request, &snapshot),
             snapshot,
@@ -113,7 +113,7 @@ impl RenderAsk {
             primvars,
             scene: identity,
             names,
-            meshes_made,
+            meshes,
             fixed_host_bytes,
             goes_on,
             film_window: None,
@@ -145,8 +145,7 @@ pub(crate) struct CommittedScene {
     pub(crate) identity: Option<u128>,
     /// Names of what samples meet, for whoever asks for them.
     pub(crate) names: Option<Arc<PrimNames>>,
-    /// Meshes that the session has built so far; of these, the refitted ones.
-    pub(crate) meshes_made: (u64, u64),
+    pub(crate) meshes: MeshCounts,
     /// Bytes of host memory that can be put nowhere else; 0 where there is no budget of it.
     pub(crate) fixed_host_bytes: u64,
 }
@@ -158,7 +157,7 @@ impl CommittedScene {
             primvars: Arc::clone(&job.primvars),
             identity: job.scene,
             names: job.names.clone(),
-            meshes_made: job.meshes_made,
+            meshes: job.meshes,
             fixed_host_bytes: job.fixed_host_bytes,
         }
     }
@@ -456,7 +455,14 @@ mod tests {
     fn scene() -> CommittedScene {
         let snapshot = SceneDb::new().commit().snapshot;
         let primvars = Vec::new().into();
-        CommittedScene { snapshot, primvars, identity: None, names: None, meshes_made: (0, 0), fixed_host_bytes: 0 }
+        CommittedScene {
+            snapshot,
+            primvars,
+            identity: None,
+            names: None,
+            meshes: MeshCounts::default(),
+            fixed_host_bytes: 0,
+        }
     }
 
     /// Asks for a picture of this width and ends its commit; the scene is that of before.

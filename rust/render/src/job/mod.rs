@@ -44,6 +44,14 @@ pub(crate) struct TeamWork {
     pub(crate) devices: u32,
 }
 
+/// Meshes that the commits of a session have made so far.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct MeshCounts {
+    pub(crate) made: u64,
+    /// Of these, those that deformed and were refitted.
+    pub(crate) refitted: u64,
+}
+
 /// A scene, a request and settings to render; immutable once posted.
 #[derive(Clone, Debug)]
 pub(crate) struct RenderJob {
@@ -61,8 +69,8 @@ pub(crate) struct RenderJob {
     pub(crate) scene: Option<u128>,
     /// Names of what samples meet, if an image needs them.
     pub(crate) names: Option<Arc<PrimNames>>,
-    /// Meshes that the session had built when it was posted; of these, the refitted ones.
-    pub(crate) meshes_made: (u64, u64),
+    /// Of the session, when it was posted.
+    pub(crate) meshes: MeshCounts,
     /// Bytes of host memory that can be put nowhere else; 0 where there is no budget of it.
     pub(crate) fixed_host_bytes: u64,
     /// It may go on with the samples of a picture that differs in their number alone, or in what ends it.

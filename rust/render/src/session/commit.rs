@@ -5,6 +5,7 @@ use crate::device::loader::Loader;
 use crate::error::panic_text;
 use crate::geometry_files::{GeometryFiles, GeometrySetting};
 use crate::host_memory::{self, HostMemoryTaken, HostMemoryUser};
+use crate::job::MeshCounts;
 use crate::job::commits::{CommittedScene, RenderAsk};
 use crate::job::edits::EditQueue;
 use crate::job::request::Severity;
@@ -96,11 +97,11 @@ impl SessionScene {
             shared.report(Severity::Warning, line);
         }
         let primvars = self.primvars_of(commit.snapshot.version);
-        let meshes_made = (self.db.meshes_made(), self.db.meshes_refitted());
+        let meshes = MeshCounts { made: self.db.meshes_made(), refitted: self.db.meshes_refitted() };
         let has_file = [&settings.checkpoint, &settings.film_part].iter().any(|file| !file.is_empty());
         let identity = (has_file && !settings.interactive).then(|| self.identity(ask));
         let names = ask.names_things().then(|| Arc::new(self.db.prim_names(&ask.naming())));
-        Some(CommittedScene { snapshot: commit.snapshot, primvars, identity, names, meshes_made, fixed_host_bytes })
+        Some(CommittedScene { snapshot: commit.snapshot, primvars, identity, names, meshes, fixed_host_bytes })
     }
 
     /// Has meshes built and kept as the settings say. With a budget of host memory gives what the scene's arrays take.
