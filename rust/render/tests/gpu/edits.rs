@@ -180,16 +180,16 @@ fn an_edit_costs_what_it_touches_in_a_scene_of_many_chunks() {
     assert!(session.timings().listed_assets > 64, "another mesh");
 }
 
-/// Chunks that are replaced give their memory back, on the device and on the host.
+/// Chunks that are replaced give their memory back: together they are larger than what a heap allocates at once.
 #[test]
-fn a_thousand_chunks_that_were_edited_hold_no_memory() {
-    let (request, settings) = (view(), Settings { chunk_size_kib: 16, ..settings(1, 1) });
+fn chunks_that_were_edited_hold_no_memory() {
+    let (request, settings) = (view(), Settings { chunk_size_kib: 256, ..settings(1, 1) });
     let session = session(settings);
     let place = |height: f64| {
         let places: Vec<_> = (0..6400_u32)
             .map(|number| {
                 let [x, z] = [number % 80, number / 80].map(|at| 0.1 * f64::from(at) - 4.0);
-                let y = if number.is_multiple_of(6399) { height } else { 0.0 };
+                let y = if number == 0 { height } else { 0.0 };
                 (DVec3::new(x, y, z), DQuat::IDENTITY, DVec3::splat(0.05))
             })
             .collect();
@@ -202,13 +202,11 @@ fn a_thousand_chunks_that_were_edited_hold_no_memory() {
     });
     render(&session, &request);
     let mut held = Vec::new();
-    for edit in 0..500_u32 {
+    for edit in 0..600_u32 {
         session.with_scene(|db| db.upsert_instancer(place(0.4 + 1e-3 * f64::from(edit))));
         render(&session, &request);
-        let (timings, stats) = (session.timings(), session.stats());
-        assert!((2..=4).contains(&timings.listed_assets), "both corners are edited in place: {timings:?}");
-        held.push((stats.gpu_bytes, stats.host_bytes));
+        assert_eq!(session.timings().listed_assets, 1, "one chunk is edited in place");
+        held.push(session.stats().gpu_bytes);
     }
-    let [first, last] = [held[1], held[499]];
-    assert!(last.0 <= first.0 && last.1 <= first.1, "bytes of device and host: {first:?} at first, {last:?} at last");
+    assert_eq!(held[599], held[1], "bytes on the device");
 }
